@@ -1,0 +1,55 @@
+//! The phase of decorrelating speckle, for any machine: no operating system, no heap, no `unsafe`.
+//!
+//! A coherent image series U(x,t) carries a systematic phase phi(t) that is the same for an
+//! ensemble of speckles, while the speckle pattern itself falls apart. Two frames far apart have
+//! nothing in common any more, but neighbouring ones do: the phase is *walked* through the
+//! ensemble-averaged cross-spectrum (Hillmann, Spahr et al., Sci Rep 9:11748, 2019; "paper line"
+//! means a line of its LaTeX source).
+//!
+//! ```text
+//! U(t), U(t+dt)
+//!   | cross_spectrum   C(t,dt) = U(t) conj U(t+dt)                  paper line 720
+//!   | layers           C of a layer difference (optional)           727-735
+//!   | ensemble         <C>, <C/|C|> over a mask                     739-745, 770
+//!   | weights          w = T(|<C/|C|>| - b), looks, pair variance   770-818
+//!   | unwrap           arg <C> along dt, D = 10 neighbours          834-846
+//!   | solver           normal equations, elimination                850-936
+//!   | regularize       Gamma_1, Gamma_2                             913-936
+//!   | reference        minus the mean of the first N_0 frames       946
+//!   v variance         standard deviation of what is reported
+//! phi(t)
+//! ```
+//! [`batch`] runs the second half for all pairs of a series at once, [`walk`] the whole chain frame
+//! by frame in fixed memory; [`baseline`] holds what the method is compared with (lines 410, 421,
+//! 975-984), [`params`] every number the paper gives.
+//!
+//! **Sign.** C(t,dt) = U(t) conj U(t+dt), so arg C = phi(t) - phi(t+dt). With U = |U| exp(i phi) and
+//! phi = 2 k n z in reflection, a phase that grows is a path that grows.
+//!
+//! **Numbers.** Everything is generic over [`Scalar`]: `f32`, `f64`, and the host's lane types, which
+//! solve many pixels in one register.
+//!
+//! **No panics.** Slices are reached by `get`, buffer sizes are checked when the code is compiled,
+//! and loops end for NaN and infinity too.
+#![no_std]
+#![forbid(unsafe_code)]
+
+pub mod baseline;
+pub mod batch;
+pub mod cross_spectrum;
+pub mod ensemble;
+mod error;
+pub mod layers;
+pub mod params;
+pub mod reference;
+pub mod regularize;
+pub mod scalar;
+pub mod solver;
+pub mod unwrap;
+pub mod variance;
+pub mod walk;
+pub mod weights;
+
+pub use error::Error;
+pub use params::Params;
+pub use scalar::{Mask, Scalar};

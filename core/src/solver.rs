@@ -1,0 +1,521 @@
+//! The extended Knox-Thompson solution: banded normal equations, eliminated as frames arrive.
+//!
+//! The phases minimise (paper lines 850-920, `arg` and sign as settled in the crate's convention)
+//!
+//! sum over pairs (t,dt), dt <= L, of w(t,dt)^2 (phi_t - phi_{t+dt} - c(t,dt))^2 + mu_2^2 |Gamma_2 phi|^2,
+//! phi_g = 0,
+//!
+//! with c = unwrapped arg <C(t,dt)>. The normal matrix S^T W^2 S + mu_2^2 Gamma_2^T Gamma_2 is that of an
+//! electrical network: each pair is a link of conductance a = w^2 between the nodes t and t+dt,
+//! the gauge frame g is ground, and every row sums to the conductance to ground. Eliminating a
+//! node (one column of an LDL^T factorisation) joins its neighbours by new links: conductances are
+//! only ever added, and the pivot is the *sum* of a node's links instead of a difference of large
+//! numbers (Grassmann, Taksar & Heyman 1985). So `f32` is enough, whatever the strength of mu_1.
+//!
+//! When frame n arrives it is linked to the frames n-L ... n-1. Frame n-L receives nothing more
+//! afterwards and is eliminated: O(L^2) work, and O(L^2) memory if `ROWS` is L + 1. The newest phase
+//! needs the elimination of the L frames that still wait, on a copy: O(L^3/6). With more rows the
+//! eliminated frames stay and back-substitution gives their smoothed phases; with all of them and
+//! L = N - 1 the result is the paper's batch solution.
+
+use crate::reference::reference_mean;
+use crate::scalar::Scalar;
+use core::marker::PhantomData;
+
+/// What the network knows of one frame, beside its links.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Node<T> {
+    /// Right-hand side (S^T W^2 c)_t.
+    pub(crate) rhs: T,
+    /// Conductance to the gauge frame, once that has been eliminated.
+    pub(crate) ground: T,
+    /// Sum of all links when it was eliminated; 0 for the gauge frame.
+    pub(crate) pivot: T,
+    /// Coefficient of phi_t in the sum of the reference frames' phases.
+    pub(crate) reference: T,
+    /// 1 if a pair with weight above 0 has touched the frame.
+    pub(crate) measured: T,
+}
+
+impl<T: Scalar> Node<T> {
+    /// A frame without links.
+    #[inline]
+    #[must_use]
+    pub fn new() -> Self {
+        let zero = T::zero();
+        Self { rhs: zero, ground: zero, pivot: zero, reference: zero, measured: zero }
+    }
+}
+
+impl<T: Scalar> Default for Node<T> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// A frame at the moment of its elimination.
+pub(crate) struct Eliminated<'a, T> {
+    /// Conductances of its links to the frames after it.
+    pub(crate) links: &'a [T],
+    /// Their sum with the conductance to ground; 0 for the gauge frame.
+    pub(crate) pivot: T,
+    /// Coefficient of its phase in the sum of the reference frames' phases.
+    pub(crate) reference: T,
+}
+
+/// `ROWS` rows of `LAGS` numbers that count as one slice.
+#[derive(Clone, Copy, Debug)]
+pub struct Matrix<T, const ROWS: usize, const LAGS: usize>([[T; LAGS]; ROWS]);
+
+impl<T: Copy, const ROWS: usize, const LAGS: usize> Matrix<T, ROWS, LAGS> {
+    /// The same number everywhere.
+    pub(crate) const fn filled(value: T) -> Self {
+        Self([[value; LAGS]; ROWS])
+    }
+
+    pub(crate) fn row(&self, row: usize) -> Option<&[T; LAGS]> {
+        self.0.get(row)
+    }
+
+    pub(crate) fn row_mut(&mut self, row: usize) -> Option<&mut [T; LAGS]> {
+        self.0.get_mut(row)
+    }
+}
+
+impl<T, const ROWS: usize, const LAGS: usize> AsRef<[T]> for Matrix<T, ROWS, LAGS> {
+    fn as_ref(&self) -> &[T] {
+        self.0.as_flattened()
+    }
+}
+
+impl<T, const ROWS: usize, const LAGS: usize> AsMut<[T]> for Matrix<T, ROWS, LAGS> {
+    fn as_mut(&mut self) -> &mut [T] {
+        self.0.as_flattened_mut()
+    }
+}
+
+/// Solver in fixed-size buffers: `ROWS` frames of history, of which at least `LAGS` + 1 are needed.
+pub type FixedSolver<T, const ROWS: usize, const LAGS: usize> =
+    Solver<T, Matrix<T, ROWS, LAGS>, [Node<T>; ROWS]>;
+
+/// The network of the last frames. `A` holds `rows` x `lags` links, `B` holds `rows` nodes: arrays on a
+/// microcontroller, vectors on the desktop.
+#[derive(Clone, Copy, Debug)]
+pub struct Solver<T, A, B> {
+    /// Row of frame t: the conductances of its links to t+1 ... t+lags.
+    links: A,
+    nodes: B,
+    rows: usize,
+    lags: usize,
+    gauge: usize,
+    reference_frames: usize,
+    /// Frames seen; the newest is `frames - 1`.
+    frames: usize,
+    /// Frames eliminated: 0 .. eliminated.
+    eliminated: usize,
+    /// Constant part of the sum of the reference frames' phases, and how many they are.
+    reference_sum: T,
+    reference_count: T,
+    element: PhantomData<T>,
+}
+
+impl<T: Scalar, const ROWS: usize, const LAGS: usize> FixedSolver<T, ROWS, LAGS> {
+    /// An empty network for pairs up to `lags` frames apart (at most `LAGS`, which is checked),
+    /// with the gauge frame g and N_0 reference frames.
+    #[must_use]
+    pub fn new(lags: usize, gauge: usize, reference_frames: usize) -> Self {
+        const { assert!(ROWS > LAGS && LAGS > 0, "history must be longer than the largest lag") };
+        let links = Matrix::filled(T::zero());
+        Self::with_storage(links, [Node::new(); ROWS], lags.clamp(1, LAGS), gauge, reference_frames)
+    }
+}
+
+impl<T, A, B> Solver<T, A, B>
+where
+    T: Scalar,
+    A: AsRef<[T]> + AsMut<[T]>,
+    B: AsRef<[Node<T>]> + AsMut<[Node<T>]>,
+{
+    /// A solver in the caller's buffers: rows = number of nodes = the frames of history kept.
+    ///
+    /// The links need rows * lags places. `lags` must be below the number of rows (it is cut to that);
+    /// a batch solution needs as many rows as frames. Buffers need no clearing.
+    #[must_use]
+    pub fn with_storage(
+        links: A,
+        nodes: B,
+        lags: usize,
+        gauge: usize,
+        reference_frames: usize,
+    ) -> Self {
+        let rows = nodes.as_ref().len();
+        Self {
+            links,
+            nodes,
+            rows,
+            lags: lags.clamp(1, rows.saturating_sub(1).max(1)),
+            gauge,
+            reference_frames,
+            frames: 0,
+            eliminated: 0,
+            reference_sum: T::zero(),
+            reference_count: T::zero(),
+            element: PhantomData,
+        }
+    }
+
+    /// Forget all frames, for the next pixel.
+    pub fn clear(&mut self) {
+        self.frames = 0;
+        self.eliminated = 0;
+        self.reference_sum = T::zero();
+        self.reference_count = T::zero();
+    }
+
+    /// Number of frames so far.
+    #[must_use]
+    pub const fn frames(&self) -> usize {
+        self.frames
+    }
+
+    /// First frame whose row is still held.
+    #[must_use]
+    pub const fn first_kept(&self) -> usize {
+        self.frames.saturating_sub(self.rows)
+    }
+
+    /// Begin a series of `frames` frames whose pairs are all known, in any order; at most as many
+    /// frames as rows. [`Self::finish`] and [`Self::phases`] follow.
+    #[inline(always)]
+    pub fn begin_batch(&mut self, frames: usize) {
+        self.clear();
+        self.frames = frames.min(self.rows);
+        self.links.as_mut().fill(T::zero());
+        self.nodes.as_mut().fill(Node::new());
+    }
+
+    /// Begin the next frame; the one that can receive nothing more is eliminated.
+    #[inline]
+    pub fn push_frame(&mut self) {
+        self.push_frame_with(|_| {});
+    }
+
+    /// The same, showing each frame as it is eliminated.
+    #[inline]
+    pub(crate) fn push_frame_with(&mut self, seen: impl FnMut(&Eliminated<'_, T>)) {
+        if self.frames > self.lags && self.frames - self.lags > self.eliminated {
+            self.eliminate(self.frames - 1, self.gauge, seen);
+        }
+        let slot = self.slot(self.frames);
+        let lags = self.lags;
+        self.frames += 1;
+        if let Some(row) = self.links.as_mut().get_mut(slot * lags..(slot + 1) * lags) {
+            row.fill(T::zero());
+        }
+        if let Some(node) = self.nodes.as_mut().get_mut(slot) {
+            *node = Node::new();
+        }
+    }
+
+    /// Add the pair (t, t+dt): unwrapped phase c = phi_t - phi_{t+dt} in radians, weight w >= 0.
+    /// Both frames must have begun and neither be eliminated; other pairs change nothing.
+    #[inline(always)]
+    pub fn add_pair(&mut self, t: usize, dt: usize, phase: T, weight: T) {
+        let conductance = weight * weight;
+        let Some(link) = self.link_mut(t, dt) else { return };
+        *link += conductance;
+        let seen = T::zero().lt(weight);
+        let current = conductance * phase;
+        for (frame, current) in [(t, current), (t + dt, -current)] {
+            let Some(node) = self.node_mut(frame) else { return };
+            node.rhs += current;
+            node.measured = T::select(seen, T::one(), node.measured);
+        }
+    }
+
+    /// Add a link of the given conductance with phase difference 0 that measures nothing (Gamma_2).
+    #[inline(always)]
+    pub fn add_prior(&mut self, t: usize, dt: usize, conductance: T) {
+        if let Some(link) = self.link_mut(t, dt) {
+            *link += conductance;
+        }
+    }
+
+    /// Eliminate all frames that wait, so that [`Self::phases`] can follow. In a series too short to
+    /// hold the gauge frame the last one takes its place.
+    #[inline(always)]
+    pub fn finish(&mut self) {
+        self.finish_with(|_| {});
+    }
+
+    /// The same, showing each frame as it is eliminated.
+    #[inline(always)]
+    pub(crate) fn finish_with(&mut self, mut seen: impl FnMut(&Eliminated<'_, T>)) {
+        let Some(last) = self.frames.checked_sub(1) else { return };
+        let gauge = self.gauge.min(last);
+        while self.eliminated < self.frames {
+            self.eliminate(last, gauge, &mut seen);
+        }
+    }
+
+    /// Back-substitution, after [`Self::finish`]: smoothed phases in radians, phi_g = 0, of the
+    /// frames that are still held, `phases[0]` being frame [`Self::first_kept`].
+    #[inline(always)]
+    pub fn phases(&self, phases: &mut [T]) {
+        let first = self.first_kept();
+        for t in (first..self.frames).rev() {
+            let (Some(row), Some(node)) = (self.row(t), self.node(t)) else { return };
+            let later = phases.get(t - first + 1..self.frames - first).unwrap_or(&[]);
+            let current = row.iter().zip(later).fold(node.rhs, |sum, (&a, &p)| a.mul_add(p, sum));
+            if let Some(phase) = phases.get_mut(t - first) {
+                *phase = divide_by_pivot(current, node.pivot);
+            }
+        }
+    }
+
+    /// 1 for each frame held that a pair has measured, 0 for the others.
+    #[inline(always)]
+    pub fn measured(&self, measured: &mut [T]) {
+        for (t, place) in (self.first_kept()..self.frames).zip(measured) {
+            *place = self.node(t).map_or(T::zero(), |node| node.measured);
+        }
+    }
+
+    /// Phase of the newest frame against the mean of the reference frames (paper line 946), in
+    /// radians, from all pairs so far; the frames themselves may have been forgotten.
+    #[must_use]
+    pub fn newest_phase(&self) -> T
+    where
+        Self: Clone,
+    {
+        let mut trial = self.clone();
+        trial.finish();
+        trial.newest_after_finish()
+    }
+
+    /// The same, on a solver that has been finished.
+    pub(crate) fn newest_after_finish(&self) -> T {
+        let Some(node) = self.frames.checked_sub(1).and_then(|last| self.node(last)) else {
+            return T::zero();
+        };
+        let newest = divide_by_pivot(node.rhs, node.pivot);
+        newest - reference_mean(self.reference_sum, self.reference_count)
+    }
+
+    /// Solve for another right-hand side, after [`Self::finish`] and with all frames held:
+    /// `values` comes as the right-hand side and leaves as the solution, one entry per frame.
+    /// The entry of the gauge frame is ignored and becomes 0.
+    pub(crate) fn solve(&self, values: &mut [T]) {
+        for t in 0..self.frames {
+            let (Some(row), Some(node)) = (self.row(t), self.node(t)) else { return };
+            let Some((&mut value, later)) = values.get_mut(t..).and_then(<[T]>::split_first_mut)
+            else {
+                return;
+            };
+            let potential = divide_by_pivot(value, node.pivot);
+            for (&a, value) in row.iter().zip(later) {
+                *value = a.mul_add(potential, *value);
+            }
+        }
+        for t in (0..self.frames).rev() {
+            let (Some(row), Some(node)) = (self.row(t), self.node(t)) else { return };
+            let later = values.get(t + 1..).unwrap_or(&[]);
+            let start = values.get(t).copied().unwrap_or(T::zero());
+            let sum = row.iter().zip(later).fold(start, |sum, (&a, &p)| a.mul_add(p, sum));
+            if let Some(value) = values.get_mut(t) {
+                *value = divide_by_pivot(sum, node.pivot);
+            }
+        }
+    }
+
+    /// How many reference frames were measured, after [`Self::finish`].
+    pub(crate) const fn reference_count(&self) -> T {
+        self.reference_count
+    }
+
+    /// Largest lag.
+    #[must_use]
+    pub const fn lags(&self) -> usize {
+        self.lags
+    }
+
+    #[inline(always)]
+    fn slot(&self, t: usize) -> usize {
+        t % self.rows.max(1)
+    }
+
+    /// Links of frame t to t+1, t+2, ...; after elimination those it had then.
+    #[inline(always)]
+    pub(crate) fn row(&self, t: usize) -> Option<&[T]> {
+        let slot = self.slot(t);
+        self.links.as_ref().get(slot * self.lags..(slot + 1) * self.lags)
+    }
+
+    #[inline(always)]
+    pub(crate) fn node(&self, t: usize) -> Option<&Node<T>> {
+        self.nodes.as_ref().get(self.slot(t))
+    }
+
+    #[inline(always)]
+    fn node_mut(&mut self, t: usize) -> Option<&mut Node<T>> {
+        let slot = self.slot(t);
+        self.nodes.as_mut().get_mut(slot)
+    }
+
+    #[inline(always)]
+    fn link_mut(&mut self, t: usize, dt: usize) -> Option<&mut T> {
+        if t < self.eliminated || dt == 0 || dt > self.lags || t + dt >= self.frames {
+            return None;
+        }
+        let slot = self.slot(t);
+        self.links.as_mut().get_mut(slot * self.lags + dt - 1)
+    }
+
+    /// Eliminate the oldest waiting frame; `last` is the newest frame, `gauge` the grounded one.
+    #[inline(always)]
+    fn eliminate(&mut self, last: usize, gauge: usize, mut seen: impl FnMut(&Eliminated<'_, T>)) {
+        let t = self.eliminated;
+        let reach = self.lags.min(last.saturating_sub(t));
+        self.eliminated += 1;
+        let in_reference = t < self.reference_frames;
+        let Some(node) = self.node_mut(t) else { return };
+        if in_reference {
+            node.reference += node.measured;
+        }
+        let node = *node;
+        if in_reference {
+            self.reference_count += node.measured;
+        }
+        if t == gauge {
+            self.ground_links(t, reach);
+        } else {
+            self.join_neighbours(t, reach, node);
+        }
+        if let (Some(row), Some(node)) = (self.row(t), self.node(t)) {
+            let links = row.get(..reach).unwrap_or(&[]);
+            seen(&Eliminated { links, pivot: node.pivot, reference: node.reference });
+        }
+    }
+
+    /// phi_t is the gauge: its links lead to ground from now on.
+    #[inline(always)]
+    fn ground_links(&mut self, t: usize, reach: usize) {
+        let (rows, lags) = (self.rows.max(1), self.lags);
+        let slot = self.slot(t);
+        let row = self.links.as_ref().get(slot * lags..slot * lags + reach).unwrap_or(&[]);
+        for (dt, &a) in (1..).zip(row) {
+            if let Some(node) = self.nodes.as_mut().get_mut((t + dt) % rows) {
+                node.ground += a;
+            }
+        }
+    }
+
+    /// Star-mesh transformation: neighbours j, k of t gain the link a_tj a_tk / p_t.
+    #[inline(always)]
+    fn join_neighbours(&mut self, t: usize, reach: usize, node: Node<T>) {
+        let (rows, lags) = (self.rows.max(1), self.lags);
+        let slot = self.slot(t);
+        let own = slot * lags..slot * lags + reach;
+        let row = self.links.as_ref().get(own.clone()).unwrap_or(&[]);
+        let pivot = row.iter().fold(node.ground, |sum, &a| sum + a);
+        let inverse = T::one() / pivot;
+        self.reference_sum += node.reference * node.rhs * inverse;
+        if let Some(node) = self.nodes.as_mut().get_mut(slot) {
+            node.pivot = pivot;
+        }
+        for dt in 1..=reach {
+            let slot = (t + dt) % rows;
+            let other = slot * lags..slot * lags + reach - dt;
+            let Ok([row, other]) = self.links.as_mut().get_disjoint_mut([own.clone(), other])
+            else {
+                return;
+            };
+            let Some((&mut a, farther)) = row.get_mut(dt - 1..).and_then(<[T]>::split_first_mut)
+            else {
+                return;
+            };
+            let share = a * inverse;
+            for (link, &a) in other.iter_mut().zip(farther.iter()) {
+                *link = share.mul_add(a, *link);
+            }
+            if let Some(neighbour) = self.nodes.as_mut().get_mut(slot) {
+                neighbour.rhs = share.mul_add(node.rhs, neighbour.rhs);
+                neighbour.ground = share.mul_add(node.ground, neighbour.ground);
+                neighbour.reference = share.mul_add(node.reference, neighbour.reference);
+            }
+        }
+    }
+}
+
+/// value / pivot, and 0 for the gauge frame, whose pivot is 0 (in every lane alike).
+#[inline(always)]
+pub(crate) fn divide_by_pivot<T: Scalar>(value: T, pivot: T) -> T {
+    let free = T::zero().lt(pivot);
+    T::select(free, value / T::select(free, pivot, T::one()), T::zero())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Conductance and phase of each pair of five frames, from a truth and one wrong pair.
+    fn network(solver: &mut impl FnMut(usize, usize, f64, f64)) {
+        let truth = [0.3, -0.1, 1.7, 2.0, 5.0];
+        for t in 0..5 {
+            for dt in 1..5 - t {
+                let wrong = if (t, dt) == (1, 2) { 0.5 } else { 0.0 };
+                solver(t, dt, truth[t] - truth[t + dt] + wrong, 1.0 / dt as f64);
+            }
+        }
+    }
+
+    #[test]
+    fn consistent_pairs_are_met_exactly_and_the_gauge_is_zero() {
+        let truth = [0.3, -0.1, 1.7, 2.0, 5.0];
+        for gauge in 0..5 {
+            let mut solver = FixedSolver::<f64, 5, 4>::new(4, gauge, 5);
+            solver.begin_batch(5);
+            network(&mut |t, dt, c, w| {
+                let wrong = if (t, dt) == (1, 2) { 0.5 } else { 0.0 };
+                solver.add_pair(t, dt, c - wrong, w);
+            });
+            solver.finish();
+            let mut phases = [0.0; 5];
+            solver.phases(&mut phases);
+            for (phase, expected) in phases.iter().zip(truth) {
+                assert!((phase - (expected - truth[gauge])).abs() < 1e-14);
+            }
+        }
+    }
+
+    #[test]
+    fn normal_equations_hold_for_inconsistent_pairs() {
+        let mut solver = FixedSolver::<f64, 5, 4>::new(4, 2, 5);
+        solver.begin_batch(5);
+        network(&mut |t, dt, c, w| solver.add_pair(t, dt, c, w));
+        solver.finish();
+        let mut phases = [0.0; 5];
+        solver.phases(&mut phases);
+        let mut residual = [0.0; 5];
+        network(&mut |t, dt, c, w| {
+            let misfit = w * w * (phases[t] - phases[t + dt] - c);
+            residual[t] += misfit;
+            residual[t + dt] -= misfit;
+        });
+        for r in residual {
+            assert!(r.abs() < 1e-14, "{residual:?}");
+        }
+    }
+
+    #[test]
+    fn foreign_pairs_change_nothing() {
+        let mut solver = FixedSolver::<f32, 3, 2>::new(2, 0, 1);
+        solver.push_frame();
+        solver.add_pair(0, 1, 1.0, 1.0);
+        solver.add_pair(7, 9, 1.0, 1.0);
+        solver.push_frame();
+        solver.add_pair(0, 0, 1.0, 1.0);
+        assert_eq!(solver.newest_phase(), 0.0);
+        assert_eq!(FixedSolver::<f32, 3, 2>::new(2, 0, 1).newest_phase(), 0.0);
+    }
+}

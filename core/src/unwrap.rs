@@ -1,0 +1,119 @@
+//! Unwrapping the phase of the cross-spectrum along dt, robust against single outliers.
+
+use crate::params::UNWRAP_NEIGHBOURS;
+use crate::scalar::{Mask, Scalar};
+use core::f64::consts::{PI, TAU};
+
+/// One row arg<C(t, dt)>, dt = 0, 1, 2, ... of one t, unwrapped as it arrives (paper lines 834-846).
+///
+/// The first D phases, dt = 0 (phase 0) included, are taken to be free of wrapping. Each later one
+/// is moved by 2 pi up or down as long as that lowers the sum of its absolute differences to the
+/// D phases before it.
+#[derive(Clone, Copy, Debug)]
+pub struct Unwrapper<T, const D: usize = UNWRAP_NEIGHBOURS> {
+    /// The last D phases, in a ring: their order does not matter to the sum.
+    recent: [T; D],
+    /// How many phases are known, dt = 0 included.
+    known: usize,
+}
+
+impl<T: Scalar, const D: usize> Unwrapper<T, D> {
+    /// A row that knows dt = 0 only.
+    #[inline(always)]
+    #[must_use]
+    pub fn new() -> Self {
+        const { assert!(D > 0, "unwrapping needs at least one neighbour") };
+        Self { recent: [T::zero(); D], known: 1 }
+    }
+
+    /// Take the wrapped phase of the next dt, give the unwrapped one; radians.
+    #[inline(always)]
+    pub fn push(&mut self, wrapped: T) -> T {
+        let phase = if self.known < D { wrapped } else { nearest_branch(wrapped, &self.recent) };
+        if let Some(place) = self.recent.get_mut(self.known % D) {
+            *place = phase;
+        }
+        self.known += 1;
+        phase
+    }
+}
+
+impl<T: Scalar, const D: usize> Default for Unwrapper<T, D> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// The one of `phase` + 2 pi k with the smallest sum of absolute differences to `recent`, reached in
+/// steps of 2 pi that each lower the sum (the sum is convex in k, so this is the minimum).
+#[inline(always)]
+fn nearest_branch<T: Scalar, const D: usize>(phase: T, recent: &[T; D]) -> T {
+    let distance = |x: T| recent.iter().fold(T::zero(), |sum, &r| sum + (x - r).abs());
+    let mut phase = phase;
+    let mut least = distance(phase);
+    // A step changes the sum to 2 pi D - least at the very least: no step helps up to pi D.
+    if !T::from_f64(PI * D as f64).lt(least).any() {
+        return phase;
+    }
+    for turn in [TAU, -TAU].map(T::from_f64) {
+        loop {
+            let moved = phase + turn;
+            let sum = distance(moved);
+            let lower = sum.lt(least);
+            if !lower.any() {
+                break;
+            }
+            phase = T::select(lower, moved, phase);
+            least = T::select(lower, sum, least);
+        }
+    }
+    phase
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wrap(x: f64) -> f64 {
+        x - TAU * libm::rint(x / TAU)
+    }
+
+    #[test]
+    fn a_ramp_that_is_free_of_wrapping_at_first_is_followed_anywhere() {
+        let mut row = Unwrapper::<f64>::new();
+        for dt in 1..200 {
+            let truth = 0.3 * f64::from(dt);
+            assert!((row.push(wrap(truth)) - truth).abs() < 1e-9, "dt = {dt}");
+        }
+    }
+
+    #[test]
+    fn one_outlier_does_not_move_what_follows() {
+        let mut row = Unwrapper::<f64>::new();
+        for dt in 1..60 {
+            let truth = -0.25 * f64::from(dt);
+            let outlier = dt == 30;
+            let phase = row.push(wrap(if outlier { truth + 3.0 } else { truth }));
+            assert!(outlier || (phase - truth).abs() < 1e-9, "dt = {dt}");
+        }
+    }
+
+    #[test]
+    fn the_first_d_phases_are_left_alone() {
+        let mut row = Unwrapper::<f32>::new();
+        for dt in 1..10 {
+            let phase = if dt % 2 == 0 { 3.0 } else { -3.0 };
+            assert_eq!(row.push(phase), phase);
+        }
+        // Five neighbours at -3, four at 3, one at 0: one turn down lowers the sum from 33 to 29.8.
+        assert_eq!(row.push(3.0), 3.0 - core::f32::consts::TAU);
+    }
+
+    #[test]
+    fn anything_ends() {
+        let mut row = Unwrapper::<f32>::new();
+        for x in [f32::NAN, f32::INFINITY, 1e30, -1e30].into_iter().cycle().take(40) {
+            row.push(x);
+        }
+    }
+}

@@ -1,0 +1,26 @@
+//! NumPy files (`.npy`), read and written by position so that strips of huge files fit in memory.
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | `header` | type, shape and order of the array in a file, and whether the file is whole |
+//! | `series` | complex frames, read row by row |
+//! | `array` | small real arrays, read whole |
+//! | `writer` | arrays of known shape, written in pieces |
+
+mod array;
+mod header;
+mod series;
+mod writer;
+
+pub use array::{read_f64_1d, read_real};
+pub(crate) use array::read_flags;
+pub(crate) use header::Header;
+pub(crate) use series::open_series;
+pub(crate) use writer::NpyWriter;
+
+use std::path::{Path, PathBuf};
+
+/// `F.npy` and `sigma` give `F.sigma.npy`.
+pub(crate) fn sibling(path: &Path, what: &str) -> PathBuf {
+    path.with_extension(format!("{what}.npy"))
+}

@@ -1,0 +1,66 @@
+//! Arrays of known shape, written in pieces.
+
+use crate::error::{Error, Result};
+use crate::io::element::Element;
+use crate::io::shape::count;
+use crate::io::staged::StagedFile;
+use npyz::WriterBuilder;
+use std::marker::PhantomData;
+use std::path::{Path, PathBuf};
+
+/// Numbers that pass through memory at once.
+const BLOCK: usize = 1 << 17;
+
+/// A C-ordered array of `T` on its way to its final name.
+pub(crate) struct NpyWriter<T> {
+    file: StagedFile,
+    path: PathBuf,
+    data_offset: u64,
+    element: PhantomData<fn(T)>,
+}
+
+impl<T: Element> NpyWriter<T> {
+    /// Begin a file and write its header.
+    pub(crate) fn create(path: &Path, shape: &[usize]) -> Result<Self> {
+        let bytes = count(shape, size_of::<T>()).ok_or_else(|| {
+            Error::file(path, format!("shape {shape:?} is larger than any memory"))
+        })?;
+        let header = header::<T>(shape)
+            .map_err(|error| Error::file(path, format!("the header cannot be formed: {error}")))?;
+        let data_offset = header.len() as u64;
+        let file = StagedFile::create(path, data_offset + bytes as u64)?;
+        file.write_at(&header, 0)?;
+        Ok(Self { file, path: path.to_owned(), data_offset, element: PhantomData })
+    }
+
+    /// Write `values` from element `first` on; several threads may do so at once.
+    pub(crate) fn write_at(&self, first: usize, values: &[T]) -> Result<()> {
+        let mut position = self.data_offset + (first * size_of::<T>()) as u64;
+        let mut bytes = Vec::with_capacity(size_of_val(values).min(BLOCK * size_of::<T>()));
+        for block in values.chunks(BLOCK) {
+            bytes.clear();
+            block.iter().for_each(|value| value.append_to(&mut bytes));
+            self.file.write_at(&bytes, position)?;
+            position += bytes.len() as u64;
+        }
+        Ok(())
+    }
+
+    /// Give the file its final name, which is returned.
+    pub(crate) fn finish(self) -> Result<PathBuf> {
+        self.file.finish()?;
+        Ok(self.path)
+    }
+}
+
+fn header<T: Element>(shape: &[usize]) -> std::io::Result<Vec<u8>> {
+    let number_type = T::NPY_TYPE
+        .parse()
+        .map_err(|_| std::io::Error::other(format!("unknown type {}", T::NPY_TYPE)))?;
+    let shape: Vec<u64> = shape.iter().map(|&n| n as u64).collect();
+    npyz::WriteOptions::new_header_only()
+        .dtype(npyz::DType::Plain(number_type))
+        .shape(&shape)
+        .writer(Vec::new())
+        .write_header_only()
+}

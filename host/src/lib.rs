@@ -1,0 +1,15 @@
+//! Phasewalk's host library.
+//!
+//! ```text
+//! recording -> simulate | io -> U(x,t) -> cross-spectrum -> layers -> ensemble (mask | Gaussian)
+//!           -> weights -> unwrap -> solver -> reference -> io | figures | report
+//! ```
+//! The mathematics is `phasewalk_core`'s; this crate brings the data to it in registers, all
+//! cores and bounded memory, and carries the results to files and pictures.
+
+pub mod error;
+pub mod figures;
+pub mod io;
+pub mod progress;
+pub mod report;
+pub mod simulate;

@@ -1,0 +1,2 @@
+//! The `phasewalk` program.
+fn main() {}
