@@ -43,10 +43,49 @@ pub fn unwrap_in_time<T: Scalar>(phases: &mut [T]) {
     }
 }
 
+/// Variance of the direct difference of `frame` against the mean of the reference frames, rad^2.
+///
+/// `variances` holds that of each frame's pair with t_0 (0 at t_0 itself); pairs are taken as
+/// independent: var = sum over j of (delta_{frame,j} - [j < N_0] / N_0)^2 v_j.
+#[must_use]
+pub fn direct_variance(variances: &[f64], frame: usize, reference_frames: usize) -> f64 {
+    let references = reference_frames.clamp(1, variances.len().max(1));
+    let coefficient = |j: usize| {
+        let own = if j == frame { 1.0 } else { 0.0 };
+        own - if j < references { 1.0 / references as f64 } else { 0.0 }
+    };
+    variances.iter().enumerate().map(|(j, v)| coefficient(j) * coefficient(j) * v).sum()
+}
+
+/// Variance of the one-step walk at `frame` against the mean of the reference frames, rad^2.
+///
+/// `variances` holds that of each step (k, k+1), taken as independent, which steps of a random walk
+/// are: var = sum over k of ([k < frame] - share of the reference frames after k)^2 v_k.
+#[must_use]
+pub fn one_step_variance(variances: &[f64], frame: usize, reference_frames: usize) -> f64 {
+    let references = reference_frames.clamp(1, variances.len() + 1);
+    let coefficient = |k: usize| {
+        let passed = if k < frame { 1.0 } else { 0.0 };
+        passed - references.saturating_sub(k + 1) as f64 / references as f64
+    };
+    variances.iter().enumerate().map(|(k, v)| coefficient(k) * coefficient(k) * v).sum()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::cross_spectrum::cross_spectrum;
+
+    #[test]
+    fn variances_of_known_cases() {
+        // One reference frame: the walk's variance is the number of steps, the direct one's its pair.
+        assert_eq!(one_step_variance(&[0.5; 9], 6, 1), 3.0);
+        assert_eq!(direct_variance(&[0.0, 1.0, 2.0, 3.0], 3, 1), 3.0);
+        // Two: half of the first step comes back with the mean.
+        assert_eq!(one_step_variance(&[1.0; 9], 3, 2), 0.25 + 1.0 + 1.0);
+        assert_eq!(one_step_variance(&[1.0; 9], 0, 2), 0.25);
+        assert_eq!(direct_variance(&[0.0, 1.0, 2.0, 3.0], 3, 2), 3.0 + 0.25);
+    }
 
     fn field(t: usize) -> Complex<f64> {
         Complex::from_polar(1.0, 0.4 * t as f64)

@@ -42,7 +42,7 @@ pub fn difference_links(params: &Params, times: &[f64], interval: f64) -> [(usiz
     }
 }
 
-/// Add Gamma_2 to a batch of `times.len()` frames; the paper's scale holds at the mean interval.
+/// Add Gamma_2 to a batch of `times.len()` frames.
 #[inline(always)]
 pub fn add_differences<T, A, B>(solver: &mut Solver<T, A, B>, params: &Params, times: &[f64])
 where
@@ -50,13 +50,24 @@ where
     A: AsRef<[T]> + AsMut<[T]>,
     B: AsRef<[Node<T>]> + AsMut<[Node<T>]>,
 {
-    let interval = mean_interval(times);
-    for newest in 1..times.len() {
-        let known = times.get(..=newest).unwrap_or(times);
-        for (back, dt, conductance) in difference_links(params, known, interval) {
-            solver.add_prior(newest - back.min(newest), dt, T::from_f64(conductance));
-        }
+    for (t, dt, conductance) in batch_links(params, times) {
+        solver.add_prior(t, dt, T::from_f64(conductance));
     }
+}
+
+/// All links (t, dt, conductance) of Gamma_2 for a series; the paper's scale holds at the mean interval.
+pub fn batch_links<'a>(
+    params: &'a Params,
+    times: &'a [f64],
+) -> impl Iterator<Item = (usize, usize, f64)> + 'a {
+    let interval = mean_interval(times);
+    (1..times.len())
+        .flat_map(move |newest| {
+            let known = times.get(..=newest).unwrap_or(times);
+            let links = difference_links(params, known, interval);
+            links.map(|(back, dt, conductance)| (newest - back.min(newest), dt, conductance))
+        })
+        .filter(|&(_, dt, _)| dt > 0)
 }
 
 /// Mean time between frames; 1 for fewer than two.

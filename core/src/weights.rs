@@ -10,7 +10,7 @@ use num_complex::Complex;
 pub fn unit_phasor<T: Scalar>(c: Complex<T>) -> Complex<T> {
     let square = c.re.mul_add(c.re, c.im * c.im);
     let lit = T::zero().lt(square);
-    let inverse = T::select(lit, T::one() / T::select(lit, square, T::one()).sqrt(), T::zero());
+    let inverse = T::select(lit, T::select(lit, square, T::one()).inverse_sqrt(), T::zero());
     Complex { re: c.re * inverse, im: c.im * inverse }
 }
 

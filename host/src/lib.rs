@@ -7,9 +7,16 @@
 //! The mathematics is `phasewalk_core`'s; this crate brings the data to it in registers, all
 //! cores and bounded memory, and carries the results to files and pictures.
 
+pub mod cli;
+pub mod curve;
 pub mod error;
 pub mod figures;
+pub mod image;
 pub mod io;
+pub mod lanes;
+pub mod looks;
+pub mod method;
 pub mod progress;
 pub mod report;
+pub mod series;
 pub mod simulate;

@@ -1,2 +1,7 @@
-//! The `phasewalk` program.
-fn main() {}
+//! The `phasewalk` program; see `phasewalk::cli`.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    phasewalk::cli::main()
+}

@@ -94,7 +94,12 @@ impl Axes {
     }
 
     /// A curve, broken where it has no value and cut at the frame.
-    pub fn curve(&self, canvas: &mut Canvas, values: impl IntoIterator<Item = Point>, stroke: Stroke) {
+    pub fn curve(
+        &self,
+        canvas: &mut Canvas,
+        values: impl IntoIterator<Item = Point>,
+        stroke: Stroke,
+    ) {
         let points: Vec<_> = values.into_iter().map(|value| self.place(value)).collect();
         for piece in self.area.clip_curve(&points) {
             canvas.line(piece, stroke);

@@ -48,14 +48,11 @@ const TOP: f64 = 66.0;
 const GAP_X: f64 = 20.0;
 const GAP_Y: f64 = 58.0;
 const RIGHT: f64 = 18.0;
+/// Least width of a panel.
 const WIDTH: f64 = 250.0;
 const HEIGHT: f64 = 170.0;
 
-const TRUTH: Stroke = Stroke {
-    color: style::TRUTH,
-    width: 1.5,
-    dash: Some((6.0, 4.0)),
-};
+const TRUTH: Stroke = Stroke { color: style::TRUTH, width: 1.5, dash: Some((6.0, 4.0)) };
 
 impl Curves<'_> {
     /// Draws the figure.
@@ -63,21 +60,22 @@ impl Curves<'_> {
     pub fn draw(&self) -> Canvas {
         let rows = if self.has_autocorrelation() { 3 } else { 2 };
         let across = self.columns.len().max(1) as f64;
-        let width = LEFT + across * (WIDTH + GAP_X) - GAP_X + RIGHT;
+        let key = self.key();
+        let width = across * (self.panel_width() + GAP_X) - GAP_X;
         let height = TOP + f64::from(rows) * (HEIGHT + GAP_Y);
         let title = "Phase curves by direct difference and by Knox-Thompson, and autocorrelation";
-        let mut canvas = Canvas::new(width, height, title);
+        let mut canvas = Canvas::new(LEFT + width + RIGHT, height, title);
         for (n, column) in self.columns.iter().enumerate() {
             self.draw_direct(&mut canvas, n, column);
             self.draw_walked(&mut canvas, n, column);
             self.draw_autocorrelation(&mut canvas, n, column);
         }
-        self.draw_key(&mut canvas, width);
+        keys::line_key(&mut canvas, (LEFT, 20.0), &key);
         canvas
     }
 
     fn draw_direct(&self, canvas: &mut Canvas, n: usize, column: &CurveColumn<'_>) {
-        let axes = Axes::new(panel(0, n), self.frames(), self.direct_span());
+        let axes = Axes::new(self.panel(0, n), self.frames(), self.direct_span());
         let text = TextStyle::new(style::HEADING, Anchor::Middle);
         canvas.text((axes.area.center().0, axes.area.y - 9.0), column.label, text);
         band(canvas, &axes, &column.direct, style::DIRECT);
@@ -87,7 +85,7 @@ impl Curves<'_> {
     }
 
     fn draw_walked(&self, canvas: &mut Canvas, n: usize, column: &CurveColumn<'_>) {
-        let axes = Axes::new(panel(1, n), self.frames(), self.walked_span());
+        let axes = Axes::new(self.panel(1, n), self.frames(), self.walked_span());
         if let Some(one_step) = &column.one_step {
             band(canvas, &axes, one_step, style::ONE_STEP);
         }
@@ -104,7 +102,7 @@ impl Curves<'_> {
         let Some(curve) = &column.autocorrelation else {
             return;
         };
-        let axes = Axes::new(panel(2, n), self.frames(), Span::new(0.0, 1.05));
+        let axes = Axes::new(self.panel(2, n), self.frames(), Span::new(0.0, 1.05));
         band(canvas, &axes, curve, style::INK);
         axes.level(canvas, 0.5, Stroke::dashed(style::FAINT, 1.0));
         line(canvas, &axes, curve.values, Stroke::solid(style::INK, 1.8));
@@ -134,7 +132,21 @@ impl Curves<'_> {
         keys::outer_letter(canvas, axes.area, row * self.columns.len() + n);
     }
 
-    fn draw_key(&self, canvas: &mut Canvas, width: f64) {
+    fn panel(&self, row: usize, column: usize) -> Rect {
+        let width = self.panel_width();
+        let x = LEFT + column as f64 * (width + GAP_X);
+        Rect::new(x, TOP + row as f64 * (HEIGHT + GAP_Y), width, HEIGHT)
+    }
+
+    /// Few panels are wide enough for the key above them.
+    fn panel_width(&self) -> f64 {
+        let across = self.columns.len().max(1) as f64;
+        let room = keys::line_key_width(&self.key()) - (across - 1.0) * GAP_X;
+        (room / across).max(WIDTH)
+    }
+
+    /// What the lines are.
+    fn key(&self) -> Vec<(&'static str, Stroke)> {
         let mut entries = vec![
             ("truth", TRUTH),
             ("direct difference", Stroke::solid(style::DIRECT, 2.0)),
@@ -144,8 +156,7 @@ impl Curves<'_> {
         if self.columns.iter().all(|column| column.one_step.is_none()) {
             entries.remove(2);
         }
-        let start = LEFT.min((width - keys::line_key_width(&entries) - RIGHT).max(4.0));
-        keys::line_key(canvas, (start, 20.0), &entries);
+        entries
     }
 
     fn has_autocorrelation(&self) -> bool {
@@ -181,10 +192,7 @@ impl Curves<'_> {
 }
 
 fn plain(values: &[f64]) -> Curve<'_> {
-    Curve {
-        values,
-        deviation: None,
-    }
+    Curve { values, deviation: None }
 }
 
 /// Lower and upper edge of every value with its deviation.
@@ -219,11 +227,6 @@ fn half_lag(values: &[f64]) -> Option<f64> {
     Some(n as f64 + (values[n] - 0.5) / (values[n] - values[n + 1]))
 }
 
-fn panel(row: usize, column: usize) -> Rect {
-    let x = LEFT + column as f64 * (WIDTH + GAP_X);
-    Rect::new(x, TOP + row as f64 * (HEIGHT + GAP_Y), WIDTH, HEIGHT)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -234,10 +237,7 @@ mod tests {
         let decay: Vec<f64> = phase.iter().map(|p| (-p).exp()).collect();
         let mut broken = phase.clone();
         broken[30] = f64::NAN;
-        let curve = |values| Curve {
-            values,
-            deviation: Some(&decay),
-        };
+        let curve = |values| Curve { values, deviation: Some(&decay) };
         let figure = Curves {
             columns: vec![CurveColumn {
                 label: "σ = λ/32",
@@ -268,10 +268,7 @@ mod tests {
             extended: plain(values),
             autocorrelation: Some(plain(values)),
         };
-        let figure = Curves {
-            columns: vec![column(&nan), column(&[])],
-            direct_range: None,
-        };
+        let figure = Curves { columns: vec![column(&nan), column(&[])], direct_range: None };
         assert!(figure.draw().png().is_ok());
     }
 }

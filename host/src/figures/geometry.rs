@@ -94,13 +94,14 @@ impl Rect {
 /// A line cut into dashes of length `on`, `off` apart.
 #[must_use]
 pub fn dashes(points: &[Point], (on, off): (f64, f64)) -> Vec<Vec<Point>> {
+    let (on, off) = (on.max(0.1), off.max(0.1));
     let mut pieces = Vec::new();
     let mut piece: Vec<Point> = points.first().copied().into_iter().collect();
     let (mut drawing, mut left) = (true, on);
     for pair in points.windows(2) {
         let (mut from, to) = (pair[0], pair[1]);
         let mut length = (to.0 - from.0).hypot(to.1 - from.1);
-        while length > left && left > 0.0 {
+        while length >= left {
             let s = left / length;
             from = (from.0 + s * (to.0 - from.0), from.1 + s * (to.1 - from.1));
             length -= left;
@@ -115,7 +116,7 @@ pub fn dashes(points: &[Point], (on, off): (f64, f64)) -> Vec<Vec<Point>> {
         left -= length;
         piece.push(to);
     }
-    if drawing && piece.len() > 1 {
+    if drawing && piece.len() > 1 && piece.first() != piece.last() {
         pieces.push(piece);
     }
     pieces
@@ -125,12 +126,7 @@ pub fn dashes(points: &[Point], (on, off): (f64, f64)) -> Vec<Vec<Point>> {
 mod tests {
     use super::*;
 
-    const AREA: Rect = Rect {
-        x: 0.0,
-        y: 0.0,
-        w: 10.0,
-        h: 10.0,
-    };
+    const AREA: Rect = Rect { x: 0.0, y: 0.0, w: 10.0, h: 10.0 };
 
     #[test]
     fn lines_end_at_the_edge() {

@@ -9,11 +9,7 @@ use super::style;
 /// An upright colour bar with evenly spaced labels, lowest first, and a title above.
 pub fn color_bar(canvas: &mut Canvas, at: Rect, map: ColorMap, labels: &[&str], title: &str) {
     let colors = map.palette()[1..].iter().rev().flatten().copied();
-    let image = Rgb8 {
-        width: 1,
-        height: COLORS,
-        pixels: colors.collect(),
-    };
+    let image = Rgb8 { width: 1, height: COLORS, pixels: colors.collect() };
     canvas.image(at, image);
     canvas.outline(at, Stroke::solid(style::INK, 1.0));
     let note = TextStyle::new(style::SMALL, Anchor::Start);

@@ -104,7 +104,7 @@ impl PhaseImages<'_> {
     }
 
     fn draw_keys(&self, canvas: &mut Canvas, across: usize) {
-        let side = TextStyle::new(style::HEADING, Anchor::Middle).upright();
+        let side = TextStyle::new(style::TEXT, Anchor::Middle).upright();
         let mut row_name = |row: usize, name: &str| {
             let (_, middle) = self.panel(row, 0).center();
             canvas.label((LEFT - 20.0, middle), name, side);
@@ -166,21 +166,11 @@ mod tests {
     fn every_panel_has_its_letter_and_label() {
         let field = Array2::from_elem((8, 16), 0.5_f32);
         let missing = Array2::from_elem((8, 16), f32::NAN);
-        let column = |label| PhaseColumn {
-            label,
-            direct: field.view(),
-            extended: missing.view(),
-        };
+        let column = |label| PhaseColumn { label, direct: field.view(), extended: missing.view() };
         let figure = PhaseImages {
             columns: vec![column("σ = 0"), column("σ < λ/16")],
-            speckle: vec![SpeckleImage {
-                label: "frame 10",
-                amplitude: field.view(),
-            }],
-            scale_bar: Some(ScaleBar {
-                pixels: 4.0,
-                label: "500 λ",
-            }),
+            speckle: vec![SpeckleImage { label: "frame 10", amplitude: field.view() }],
+            scale_bar: Some(ScaleBar { pixels: 4.0, label: "500 λ" }),
         };
         let svg = figure.draw().svg().unwrap();
         for text in ["σ = 0", "σ &lt; λ/16", "frame 10", ">e<", ">π<", "phase / rad"] {
@@ -194,16 +184,9 @@ mod tests {
     #[test]
     fn empty_figures_are_drawn() {
         let nothing = Array2::<f32>::zeros((0, 0));
-        let mut figure = PhaseImages {
-            columns: vec![],
-            speckle: vec![],
-            scale_bar: None,
-        };
+        let mut figure = PhaseImages { columns: vec![], speckle: vec![], scale_bar: None };
         assert!(figure.draw().png().is_ok());
-        figure.speckle.push(SpeckleImage {
-            label: "",
-            amplitude: nothing.view(),
-        });
+        figure.speckle.push(SpeckleImage { label: "", amplitude: nothing.view() });
         assert!(figure.draw().png().is_ok());
     }
 }

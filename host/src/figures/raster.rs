@@ -1,8 +1,10 @@
 //! A field as an image: every pixel an index into the palette of its colour map.
 
+use std::collections::HashMap;
+
 use ndarray::ArrayView2;
 
-use super::colormap::{COLORS, ColorMap, phase_position};
+use super::colormap::{COLORS, ColorMap, Rgb, phase_position};
 use crate::error::{Error, Result};
 
 /// An image of palette entries.
@@ -47,12 +49,7 @@ impl Indexed {
     fn map(field: ArrayView2<'_, f32>, map: ColorMap, at: impl Fn(f32) -> f32) -> Self {
         let (height, width) = field.dim();
         let pixels = field.iter().map(|&value| map.index(at(value))).collect();
-        Self {
-            width,
-            height,
-            pixels,
-            map,
-        }
+        Self { width, height, pixels, map }
     }
 
     /// Pixels per row and rows.
@@ -83,12 +80,7 @@ impl Indexed {
             .flat_map(|row| (0..width).map(|x| row + source(x)).collect::<Vec<_>>())
             .map(|n| self.pixels[n])
             .collect();
-        Self {
-            width,
-            height,
-            pixels,
-            map: self.map,
-        }
+        Self { width, height, pixels, map: self.map }
     }
 
     /// The image in no more than `levels` colours: noise then takes fewer bytes.
@@ -107,11 +99,7 @@ impl Indexed {
     pub fn to_rgb8(&self) -> Rgb8 {
         let palette = self.map.palette();
         let colors = self.pixels.iter().flat_map(|&p| palette[usize::from(p)]);
-        Rgb8 {
-            width: self.width,
-            height: self.height,
-            pixels: colors.collect(),
-        }
+        Rgb8 { width: self.width, height: self.height, pixels: colors.collect() }
     }
 
     /// The image as a PNG file with a palette.
@@ -125,12 +113,32 @@ impl Indexed {
 }
 
 impl Rgb8 {
-    /// The image as a PNG file.
+    /// The image as a PNG file, with a palette when it has few colours.
     ///
     /// # Errors
     /// When the image has no pixel or `pixels` has the wrong length.
     pub fn png(&self) -> Result<Vec<u8>> {
-        encode(self.width, self.height, &self.pixels, None)
+        match self.counted() {
+            Some((indices, palette)) => {
+                encode(self.width, self.height, &indices, Some(palette.as_flattened()))
+            }
+            None => encode(self.width, self.height, &self.pixels, None),
+        }
+    }
+
+    /// Every pixel as an index into the colours that occur, if these are at most 256.
+    fn counted(&self) -> Option<(Vec<u8>, Vec<Rgb>)> {
+        let mut known = HashMap::new();
+        let mut palette = Vec::new();
+        let pixels = self.pixels.as_chunks::<3>().0;
+        let indices = pixels.iter().map(|&color| {
+            *known.entry(color).or_insert_with(|| {
+                palette.push(color);
+                palette.len() - 1
+            })
+        });
+        let indices = indices.map(|n| u8::try_from(n).ok()).collect::<Option<_>>()?;
+        Some((indices, palette))
     }
 }
 
@@ -175,6 +183,7 @@ fn encode(width: usize, height: usize, data: &[u8], palette: Option<&[u8]>) -> R
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, side(width), side(height));
     encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_filter(png::Filter::NoFilter);
     match palette {
         Some(palette) => {
             encoder.set_color(png::ColorType::Indexed);
@@ -232,7 +241,7 @@ pub(crate) mod tests {
     #[test]
     fn percentiles_span_all_fields() {
         let fields = [array![[0.0, 1.0, 2.0]], array![[3.0, 4.0, f32::NAN]]];
-        let views: Vec<_> = fields.iter().map(Array2::view).collect();
+        let views: Vec<_> = fields.iter().map(|field| field.view()).collect();
         assert_eq!(percentiles(&views, 0.25, 0.75), (1.0, 3.0));
         assert_eq!(percentiles(&[], 0.25, 0.75), (0.0, 1.0));
     }

@@ -25,34 +25,24 @@ impl Span {
         let (low, high) = (low.min(high), low.max(high));
         let width = high - low;
         if !width.is_finite() {
-            return Self {
-                low: 0.0,
-                high: 1.0,
-            };
+            return Self { low: 0.0, high: 1.0 };
         }
         let least = 1e-9 * low.abs().max(high.abs());
         if width > least {
             return Self { low, high };
         }
         let room = (0.1 * low.abs()).max(0.5);
-        Self {
-            low: low - room,
-            high: high + room,
-        }
+        Self { low: low - room, high: high + room }
     }
 
     /// The range of all finite values; 0..1 when there is none.
     #[must_use]
     pub fn of(values: impl IntoIterator<Item = f64>) -> Self {
         let finite = values.into_iter().filter(|v| v.is_finite());
-        let ends = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
-            (low.min(v), high.max(v))
-        });
+        let ends = finite
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
         if ends.0 > ends.1 {
-            return Self {
-                low: 0.0,
-                high: 1.0,
-            };
+            return Self { low: 0.0, high: 1.0 };
         }
         Self::new(ends.0, ends.1)
     }
@@ -80,10 +70,7 @@ impl Span {
         (0..=2 * most)
             .map(|n| (first + n as f64) * step)
             .take_while(|value| *value <= self.high + slack)
-            .map(|value| Tick {
-                value,
-                label: number(value, decimals),
-            })
+            .map(|value| Tick { value, label: number(value, decimals) })
             .collect()
     }
 }

@@ -12,8 +12,8 @@ mod header;
 mod series;
 mod writer;
 
-pub use array::{read_f64_1d, read_real};
 pub(crate) use array::read_flags;
+pub use array::{read_f64_1d, read_real};
 pub(crate) use header::Header;
 pub(crate) use series::open_series;
 pub(crate) use writer::NpyWriter;

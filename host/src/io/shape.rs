@@ -35,11 +35,16 @@ impl Shape {
         if dimensions.contains(&0) {
             return Err(Error::file(
                 path,
-                format!("the array is empty (shape {dimensions:?}); every axis needs at least one element"),
+                format!(
+                    "the array is empty (shape {dimensions:?}); every axis needs at least one element"
+                ),
             ));
         }
-        if count(dimensions, size_of::<num_complex::Complex64>()).is_none() {
-            return Err(Error::file(path, format!("shape {dimensions:?} is larger than any memory")));
+        if byte_count(dimensions, size_of::<num_complex::Complex64>()).is_none() {
+            return Err(Error::file(
+                path,
+                format!("shape {dimensions:?} is larger than any memory"),
+            ));
         }
         Ok(Self { frames, depth, height, width })
     }
@@ -84,7 +89,7 @@ impl std::fmt::Display for Shape {
 }
 
 /// Bytes of an array, unless they are more than memory can ever address.
-pub(crate) fn count(dimensions: &[usize], bytes_per_element: usize) -> Option<usize> {
+pub(crate) fn byte_count(dimensions: &[usize], bytes_per_element: usize) -> Option<usize> {
     dimensions
         .iter()
         .try_fold(bytes_per_element, |product, &n| product.checked_mul(n))

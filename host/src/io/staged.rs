@@ -201,7 +201,9 @@ pub(crate) fn cannot_write(target: &Path, error: &io::Error, bytes: u64) -> Erro
     match error.kind() {
         ErrorKind::StorageFull | ErrorKind::QuotaExceeded => Error::file(
             target,
-            format!("the disk is full, {bytes} bytes are needed: free space or choose another disk"),
+            format!(
+                "the disk is full, {bytes} bytes are needed: free space or choose another disk"
+            ),
         ),
         _ => Error::file(target, format!("cannot be written: {error}")),
     }

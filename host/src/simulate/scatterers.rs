@@ -6,7 +6,7 @@
 //! loops over them are what the compiler turns into vector code (see `simd.rs`).
 
 use super::philox::philox4x32;
-use super::vector_math::{TURN, fixed_turns, normal_pair, rayleigh, sin_cos_turns};
+use super::vector_math::{TURN, fixed, normal_pair, rayleigh, sin_cos_turns};
 use num_complex::Complex32;
 
 /// Scatterers in a block. A power of two, so that the upper half of the index is one per block.
@@ -45,12 +45,13 @@ impl Block {
         start
     }
 
-    /// The scatterers inside `mask` move by `drift` (fraction of a turn, unit 2⁻³²).
+    /// The scatterers that are inside the mask now, before their random step, move by `drift`
+    /// (fraction of a turn, unit 2⁻³²; lines 633–645).
     #[inline(always)]
     fn drift(&mut self, drift: u32, raster: &Raster) {
         let mut pixels = [0; BLOCK];
-        for i in 0..BLOCK {
-            pixels[i] = raster.pixel(self.x[i], self.y[i]);
+        for ((pixel, &x), &y) in pixels.iter_mut().zip(&self.x).zip(&self.y) {
+            *pixel = raster.pixel(x, y);
         }
         for (phase, &pixel) in self.phase.iter_mut().zip(&pixels) {
             let inside = raster.mask.get(pixel as usize).is_some_and(|&inside| inside);
@@ -66,9 +67,9 @@ impl Block {
             let words = philox4x32(counter(first, i, walk.frame, STREAM_WALK), walk.key);
             let [x, y] = normal_pair([words[0], words[1]]);
             let z = rayleigh(words[2]) * sin_cos_turns(words[3]).1;
-            self.x[i] = self.x[i].wrapping_add(fixed_turns(step_x * x));
-            self.y[i] = self.y[i].wrapping_add(fixed_turns(step_y * y));
-            self.phase[i] = self.phase[i].wrapping_add(fixed_turns(step_phase * z));
+            self.x[i] = self.x[i].wrapping_add(fixed(step_x * x));
+            self.y[i] = self.y[i].wrapping_add(fixed(step_y * y));
+            self.phase[i] = self.phase[i].wrapping_add(fixed(step_phase * z));
         }
     }
 
@@ -80,8 +81,8 @@ impl Block {
         for i in 0..BLOCK {
             pixels[i] = raster.pixel(self.x[i], self.y[i]);
             let (sine, cosine) = sin_cos_turns(self.phase[i]);
-            let unit = raster.scale * self.amplitude[i];
-            values[i] = pack((unit * cosine) as i32, (unit * sine) as i32);
+            let unit = raster.unit * self.amplitude[i];
+            values[i] = pack(fixed(unit * cosine) as i32, fixed(unit * sine) as i32);
         }
         for (&pixel, &value) in pixels.iter().zip(&values) {
             if let Some(sum) = sums.get_mut(pixel as usize) {
@@ -118,8 +119,8 @@ pub struct Raster {
     pub height: u32,
     /// The region that drifts, shape (y, x).
     pub mask: Vec<bool>,
-    /// What amplitude 1 adds to a sum; see [`Raster::scale_for`].
-    pub scale: f32,
+    /// What amplitude 1 adds to a sum, unit 2³²; see [`Raster::unit_for`].
+    pub unit: f32,
 }
 
 impl Raster {
@@ -130,32 +131,32 @@ impl Raster {
         (along(y, self.height) * u64::from(self.width) + along(x, self.width)) as u32
     }
 
-    /// Fixed-point unit of the sums for n scatterers per pixel: the greatest power of two with
-    /// scale · T ≤ 2³¹.
+    /// What amplitude 1 adds to a sum at n scatterers per pixel, as a fraction of 2³²: the greatest
+    /// power of two with unit · T ≤ ½, so that sums up to ±T fit in a signed 32-bit integer.
     ///
     /// Re U of a pixel is a compound Poisson sum of terms within ±1 and of variance n/6. By
     /// Bernstein's inequality it exceeds T with a probability below exp(−T²/(2(n/6 + T/3))), which
-    /// is e⁻⁷⁰ for the T used here: less than 10⁻¹⁹ for all pixels of 10¹¹ images together. (Sums
+    /// is e⁻⁷⁰ for the T used here: less than 10⁻¹⁷ for all pixels of 10⁷ images together. (Sums
     /// wrap, so that only the total of a pixel counts, not what was added in between.) For n = 50
-    /// one unit is 2⁻²⁴, about the last bit of an f32 of amplitude 1.
-    pub fn scale_for(scatterers_per_pixel: usize) -> f32 {
+    /// amplitude 1 is 2²⁴ integers, and all roundings together are 4·10⁻⁸ of the rms field.
+    pub fn unit_for(scatterers_per_pixel: usize) -> f32 {
         const EXPONENT: f64 = 70.0;
         let (a, b) = (EXPONENT / 3.0, EXPONENT / 3.0 * scatterers_per_pixel as f64);
         let bound = a + libm::sqrt(a * a + b);
-        libm::exp2(31.0 - libm::ceil(libm::log2(bound))) as f32
+        libm::exp2(-1.0 - libm::ceil(libm::log2(bound))) as f32
     }
 
     /// The field of a pixel from its sum.
     pub fn field(&self, sum: i64) -> Complex32 {
         let [re, im] = unpack(sum);
-        Complex32::new(re as f32 / self.scale, im as f32 / self.scale)
+        Complex32::new(re as f32, im as f32) / (self.unit * TURN)
     }
 }
 
 /// A complex integer as im·2³² + re: its sums are sums of one 64-bit integer.
 #[inline(always)]
 fn pack(re: i32, im: i32) -> i64 {
-    (i64::from(im) << 32) + i64::from(re)
+    (i64::from(im) << 32).wrapping_add(i64::from(re))
 }
 
 /// The complex integer of a sum of packed ones. `re` borrows from `im` where it is negative.
@@ -195,9 +196,9 @@ mod tests {
     fn packed_sums_are_the_sums() {
         let terms = [(3, -5), (-7, 2), (i32::MAX, i32::MIN + 8), (-9, -1), (-1, 0), (0, -1)];
         let sum = terms.iter().fold(0i64, |sum, &(re, im)| sum.wrapping_add(pack(re, im)));
-        let expected = terms.iter().fold([0i32; 2], |[re, im], term| {
-            [re.wrapping_add(term.0), im.wrapping_add(term.1)]
-        });
+        let expected = terms
+            .iter()
+            .fold([0i32; 2], |[re, im], term| [re.wrapping_add(term.0), im.wrapping_add(term.1)]);
         assert_eq!(unpack(sum), expected);
         assert_eq!(unpack(pack(-1, -1)), [-1, -1]);
         assert_eq!(unpack(pack(i32::MIN, i32::MIN)), [i32::MIN; 2]);
@@ -205,10 +206,10 @@ mod tests {
     }
 
     #[test]
-    fn the_scale_leaves_room() {
-        assert_eq!(Raster::scale_for(50), 16_777_216.0);
+    fn the_unit_leaves_room() {
+        assert_eq!(Raster::unit_for(50), 1.0 / 256.0);
         for n in [1usize, 50, 1000, 1_000_000, u32::MAX as usize] {
-            let limit = 2f64.powi(31) / f64::from(Raster::scale_for(n));
+            let limit = 0.5 / f64::from(Raster::unit_for(n));
             let exponent = limit * limit / (2.0 * (n as f64 / 6.0 + limit / 3.0));
             assert!(exponent >= 70.0, "{n} scatterers: e^-{exponent}");
         }
@@ -216,7 +217,7 @@ mod tests {
 
     #[test]
     fn a_position_belongs_to_the_pixel_that_contains_it() {
-        let raster = Raster { width: 640, height: 368, mask: Vec::new(), scale: 1.0 };
+        let raster = Raster { width: 640, height: 368, mask: Vec::new(), unit: 1.0 };
         assert_eq!(raster.pixel(0, 0), 0);
         assert_eq!(raster.pixel(u32::MAX, u32::MAX), 640 * 368 - 1);
         assert_eq!(raster.pixel(1 << 31, 1 << 31), 184 * 640 + 320);
@@ -232,7 +233,10 @@ mod tests {
             let (sum, square) = values.fold((0.0, 0.0), |(s, q), v| (s + v, q + v * v));
             let (mean, variance) = (sum / count, square / count - (sum / count).powi(2));
             assert!((mean - 0.5).abs() < 5.0 * (1.0 / 12.0 / count).sqrt(), "{mean}");
-            assert!((variance - 1.0 / 12.0).abs() < 5.0 * (1.0 / 180.0 / count).sqrt(), "{variance}");
+            assert!(
+                (variance - 1.0 / 12.0).abs() < 5.0 * (1.0 / 180.0 / count).sqrt(),
+                "{variance}"
+            );
         };
         let turns = |word: &u32| f64::from(*word) / 4_294_967_296.0;
         check(&mut blocks.iter().flat_map(|b| b.x.iter().map(turns)));
@@ -246,5 +250,47 @@ mod tests {
         let block = Block::start(1, BLOCK + 3, [0, 0]);
         assert!(block.amplitude[..3].iter().all(|&a| a > 0.0));
         assert!(block.amplitude[3..].iter().all(|&a| a == 0.0));
+    }
+
+    /// Mean 0, the standard deviation asked for, and no correlation between x, y and phase, each
+    /// within five standard deviations of n = 102,400 steps.
+    #[test]
+    fn the_walk_is_gaussian_in_three_directions() {
+        let walk = Walk { key: [7, 8], frame: 3, sigma_turns: [0.001, 0.02, 0.125], drift: 0 };
+        let (mut moments, mut mixed) = ([[0.0f64; 2]; 3], [0.0f64; 3]);
+        let blocks = 400;
+        for b in 0..blocks {
+            let mut block = Block::start(b, usize::MAX, walk.key);
+            let before = [block.x, block.y, block.phase];
+            block.walk(b * BLOCK, &walk);
+            let after = [block.x, block.y, block.phase];
+            for i in 0..BLOCK {
+                let step: [f64; 3] = std::array::from_fn(|d| {
+                    let turns = after[d][i].wrapping_sub(before[d][i]) as i32;
+                    f64::from(turns) / 4_294_967_296.0 / f64::from(walk.sigma_turns[d])
+                });
+                for d in 0..3 {
+                    moments[d][0] += step[d];
+                    moments[d][1] += step[d] * step[d];
+                    mixed[d] += step[d] * step[(d + 1) % 3];
+                }
+            }
+        }
+        let n = (blocks * BLOCK) as f64;
+        for d in 0..3 {
+            let [mean, square] = moments[d].map(|m| m / n);
+            assert!(mean.abs() < 5.0 / n.sqrt(), "mean {mean}");
+            assert!((square - 1.0).abs() < 5.0 * (2.0 / n).sqrt(), "variance {square}");
+            assert!((mixed[d] / n).abs() < 5.0 / n.sqrt(), "correlation {}", mixed[d] / n);
+        }
+    }
+
+    /// Scatterers are numbered beyond 2³² without repeating themselves.
+    #[test]
+    fn no_two_scatterers_share_a_counter() {
+        let words = |first| philox4x32(counter(first, 1, 2, STREAM_WALK), [1, 2]);
+        assert_ne!(words(0), words(BLOCK));
+        assert_ne!(words(0), words(1 << 32));
+        assert_ne!(words(0), philox4x32(counter(0, 1, 2, STREAM_START), [1, 2]));
     }
 }

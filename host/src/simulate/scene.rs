@@ -2,15 +2,21 @@
 
 use super::scatterers::{BLOCK, Block};
 use super::stimulus::{inside_x, movement_wavelengths};
+use super::vector_math::{FIXED_LIMIT, MAX_NORMAL};
 use crate::error::{Error, Result};
 use std::f64::consts::PI;
 
 /// Longest side, in pixels: positions are 32-bit fractions of a side.
 const MAX_SIDE: usize = 65_536;
-/// Largest random step, in wavelengths; already at λ/2 every frame is a new speckle pattern.
-const MAX_SIGMA: f64 = 100.0;
+/// Largest σ, in wavelengths: the depth of the scene. Already at λ/2 no speckle lasts two frames.
+const MAX_SIGMA: f64 = 10.0;
 /// Smallest and largest pixel pitch, in wavelengths.
-const PITCHES: [f64; 2] = [1e-3, 1e6];
+const PITCHES: [f64; 2] = [0.1, 1e6];
+/// The longest step of any legal scene, over one pixel or in phase, can be represented.
+const _: () = {
+    let longest = MAX_SIGMA * MAX_NORMAL as f64;
+    assert!(longest / PITCHES[0] < FIXED_LIMIT as f64 && 2.0 * longest < FIXED_LIMIT as f64);
+};
 
 /// The scene of the paper (lines 612–645): scatterers between 0 and 10λ deep that walk at random,
 /// and an x-shaped region that also moves as a whole.
@@ -175,13 +181,16 @@ mod tests {
             ("--sigma -0.1", |s| s.sigma_wavelengths = -0.1),
             ("--sigma NaN", |s| s.sigma_wavelengths = f64::NAN),
             ("--sigma inf", |s| s.sigma_wavelengths = f64::INFINITY),
-            ("--sigma 101", |s| s.sigma_wavelengths = 101.0),
+            ("--sigma 10.5", |s| s.sigma_wavelengths = 10.5),
             ("--na 0", |s| s.aperture_cycles_per_wavelength = 0.0),
             ("--na NaN", |s| s.aperture_cycles_per_wavelength = f64::NAN),
-            ("--pitch 0", |s| s.pitch_wavelengths = 0.0),
+            ("--pitch 0.05", |s| s.pitch_wavelengths = 0.05),
             ("--pitch NaN", |s| s.pitch_wavelengths = f64::NAN),
             ("cannot be addressed", |s| (s.width, s.height) = (65_536, 65_536)),
-            ("cannot be addressed", |s| s.scatterers_per_pixel = u32::MAX as usize * 1000),
+            ("cannot be addressed", |s| {
+                (s.width, s.height) = (60_000, 60_000);
+                s.scatterers_per_pixel = u32::MAX as usize;
+            }),
         ];
         for (expected, change) in cases {
             let mut scene = SpeckleScene::default();
@@ -230,14 +239,16 @@ mod tests {
         }
     }
 
-    /// Two bars of 0.2 s by 0.912 s that share a square of 0.2 s: area 0.3248 s².
+    /// Two bars of 0.2 s by 0.912 s that share a square of 0.2 s: area 0.3248 s². The count at
+    /// 160 × 92 is also that of an independent plain implementation.
     #[test]
     fn the_mask_has_the_area_of_two_bars() {
-        for (width, height) in [(640, 368), (160, 92)] {
+        for (width, height, pixels) in [(640, 368, 44_364), (160, 92, 2848)] {
             let scene = SpeckleScene { width, height, ..SpeckleScene::default() };
-            let count = scene.mask().iter().filter(|&&inside| inside).count() as f64;
+            let count = scene.mask().iter().filter(|&&inside| inside).count();
+            assert_eq!(count, pixels);
             let area = (2.0 * 0.2 * 0.912 - 0.2 * 0.2) * (height * height) as f64;
-            assert!((count / area - 1.0).abs() < 0.05, "{count} pixels, area {area}");
+            assert!((count as f64 / area - 1.0).abs() < 0.05, "{count} pixels, area {area}");
         }
     }
 }

@@ -44,9 +44,7 @@ impl Simd {
     }
 }
 
-/// A kernel: an instruction set this machine has been seen to have.
-///
-/// [`advance`] in the widest instructions, or (tests) in a chosen set.
+/// [`advance`] in an instruction set that this machine has been seen to run.
 pub struct Kernel(Simd);
 
 impl Kernel {

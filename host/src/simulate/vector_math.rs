@@ -10,8 +10,11 @@ use std::f32::consts::TAU;
 /// 2³², one turn in fixed point.
 pub const TURN: f32 = 4_294_967_296.0;
 
-/// Steps of up to this many turns are rounded to the right fraction by [`fixed_turns`].
-pub const MAX_TURNS: f32 = 4_194_304.0;
+/// [`fixed`] is exact to its last bit below this.
+pub const FIXED_LIMIT: f32 = 1024.0;
+
+/// No [`rayleigh`] length or normal number is longer: √(2 · 31 ln 2) = 6.56.
+pub const MAX_NORMAL: f32 = 6.6;
 
 /// ln x for a normal x > 0. Error below 2e-7 · max(1, |ln x|), and relative near x = 1.
 ///
@@ -26,14 +29,14 @@ pub fn ln(x: f32) -> f32 {
     let m = f32::from_bits(x.to_bits().wrapping_sub((exponent << 23) as u32)) - 1.0;
     let e = exponent as f32;
     let mut p = 7.037_683_6e-2;
-    p = p * m - 1.151_461_03e-1;
+    p = p * m - 1.151_461e-1;
     p = p * m + 1.167_699_9e-1;
     p = p * m - 1.242_014_1e-1;
     p = p * m + 1.424_932_3e-1;
     p = p * m - 1.666_805_8e-1;
     p = p * m + 2.000_071_5e-1;
     p = p * m - 2.499_999_4e-1;
-    p = p * m + 3.333_333_1e-1;
+    p = p * m + 3.333_333e-1;
     let m2 = m * m;
     e * LN2_HIGH + (m + (e * LN2_LOW + (p * m * m2 - 0.5 * m2)))
 }
@@ -45,8 +48,7 @@ pub fn sin_cos_turns(angle: u32) -> (f32, f32) {
     let r = angle.wrapping_sub(quadrant << 30) as i32 as f32 * (TAU / TURN);
     let z = r * r;
     let s = r + r * z * (-1.666_665_5e-1 + z * (8.332_161e-3 - z * 1.951_529_6e-4));
-    let c = 1.0 - 0.5 * z
-        + z * z * (4.166_664_6e-2 + z * (-1.388_731_6e-3 + z * 2.443_315_7e-5));
+    let c = 1.0 - 0.5 * z + z * z * (4.166_664_6e-2 + z * (-1.388_731_6e-3 + z * 2.443_315_7e-5));
     let (sine, cosine) = if quadrant & 1 == 0 { (s, c) } else { (c, s) };
     (flip(sine, quadrant), flip(cosine, quadrant + 1))
 }
@@ -57,18 +59,24 @@ fn flip(x: f32, quadrant: u32) -> f32 {
     f32::from_bits(x.to_bits() ^ (quadrant & 2) << 30)
 }
 
-/// A number of turns, |`turns`| < [`MAX_TURNS`], as a fixed-point angle: whole turns are dropped.
+/// x as 32-bit fixed point, unit 2⁻³², |x| < [`FIXED_LIMIT`]. Whole turns drop out by wrapping.
+///
+/// A float plus 1.5·2²³ units is rounded to whole units and shows their number in its last bits:
+/// first in units of 2⁻¹², then the rest in units of 2⁻³². (The language's own conversion saturates
+/// and does not become vector code.)
 #[inline(always)]
-pub fn fixed_turns(turns: f32) -> u32 {
-    // Adding 1.5·2²³ leaves no bit for the fraction: what remains is the nearest whole number.
-    const ROUND: f32 = 12_582_912.0;
-    let whole = (turns + ROUND) - ROUND;
-    ((turns - whole) * TURN) as i32 as u32
+pub fn fixed(x: f32) -> u32 {
+    const FINE: f32 = 12_582_912.0;
+    const COARSE: f32 = FINE / 4096.0;
+    let coarse = x + COARSE;
+    let fine = (x - (coarse - COARSE)) * TURN + FINE;
+    let units = |shown: f32, zero: f32| shown.to_bits().wrapping_sub(zero.to_bits());
+    (units(coarse, COARSE) << 20).wrapping_add(units(fine, FINE))
 }
 
 /// Length of a pair of independent standard normals, √(−2 ln u), from one random word.
 ///
-/// u = (word/2 | 1)/2³¹ is never zero; the length is at most 6.6.
+/// u = (word/2 | 1)/2³¹ is never zero, so the length is at most [`MAX_NORMAL`].
 #[inline(always)]
 pub fn rayleigh(word: u32) -> f32 {
     let u = (word >> 1 | 1) as i32 as f32 * (2.0 / TURN);
@@ -109,7 +117,8 @@ mod tests {
     #[test]
     fn sine_and_cosine_agree_with_f64() {
         for word in words() {
-            let (want_sin, want_cos) = (f64::from(word) / 4_294_967_296.0 * std::f64::consts::TAU).sin_cos();
+            let (want_sin, want_cos) =
+                (f64::from(word) / 4_294_967_296.0 * std::f64::consts::TAU).sin_cos();
             let (sin, cos) = sin_cos_turns(word);
             assert!((f64::from(sin) - want_sin).abs() < 2e-7, "sin {word}");
             assert!((f64::from(cos) - want_cos).abs() < 2e-7, "cos {word}");
@@ -117,15 +126,25 @@ mod tests {
     }
 
     #[test]
-    fn turns_keep_their_fraction() {
-        assert_eq!(fixed_turns(0.0), 0);
-        assert_eq!(fixed_turns(0.25), 1 << 30);
-        assert_eq!(fixed_turns(-0.25), 3 << 30);
-        assert_eq!(fixed_turns(1000.125), 1 << 29);
-        assert_eq!(fixed_turns(-7.0), 0);
-        assert_eq!(fixed_turns(MAX_TURNS - 1.0), 0);
-        for half in [0.5, -0.5] {
-            assert!(fixed_turns(half).abs_diff(1 << 31) <= 1);
+    fn fixed_point_keeps_the_fraction() {
+        assert_eq!(fixed(0.0), 0);
+        assert_eq!(fixed(0.25), 1 << 30);
+        assert_eq!(fixed(-0.25), 3 << 30);
+        assert_eq!(fixed(1000.125), 1 << 29);
+        assert_eq!(fixed(-7.0), 0);
+        assert_eq!(fixed(0.5), 1 << 31);
+        assert_eq!(fixed(FIXED_LIMIT - 0.25), 3 << 30);
+        assert_eq!(fixed(0.25 - FIXED_LIMIT), 1 << 30);
+    }
+
+    #[test]
+    fn fixed_point_agrees_with_f64() {
+        for word in words() {
+            for size in [1e-6, 0.5, 3.0, 1023.9] {
+                let x = word as i32 as f32 / (TURN / 2.0) * size;
+                let want = (f64::from(x) * 4_294_967_296.0).round_ties_even() as i64 as u32;
+                assert_eq!(fixed(x), want, "{x}");
+            }
         }
     }
 
@@ -159,7 +178,7 @@ mod tests {
 
     #[test]
     fn the_longest_step_is_bounded() {
-        assert!((6.5..6.6).contains(&rayleigh(0)));
+        assert!((6.5..MAX_NORMAL).contains(&rayleigh(0)));
         assert_eq!(rayleigh(u32::MAX), 0.0);
     }
 }

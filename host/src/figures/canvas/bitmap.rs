@@ -66,7 +66,7 @@ impl Surface {
         let source = |fine: usize, start: f64, length: f64, count: usize| {
             let kept = (fine / FINE) as f64 + 0.5;
             let part = (kept / f64::from(PNG_SCALE) - start) / length;
-            (0.0..1.0).contains(&part).then(|| (part * count as f64) as usize)
+            (0.0..1.0).contains(&part).then_some((part * count as f64) as usize)
         };
         let columns: Vec<_> = (0..self.width)
             .filter_map(|x| source(x, at.x, at.w, image.width).map(|column| (x, column)))
@@ -122,7 +122,8 @@ impl Surface {
         if points.len() < 3 || points.iter().any(|p| !(p.0.is_finite() && p.1.is_finite())) {
             return Ok(());
         }
-        let fine = |length: f64| (length * self.scale).clamp(-LARGEST, 2.0 * LARGEST).round() as i32;
+        let fine =
+            |length: f64| (length * self.scale).clamp(-LARGEST, 2.0 * LARGEST).round() as i32;
         let corners: Vec<_> = points.iter().map(|&(x, y)| (fine(x), fine(y))).collect();
         let size = (self.width as u32, self.height as u32);
         BitMapBackend::with_buffer(&mut self.pixels, size)
@@ -178,11 +179,7 @@ impl Surface {
         };
         let pixels = (0..width * height)
             .flat_map(|n| [0, 1, 2].map(|channel| part(n % width, n / width, channel)));
-        Rgb8 {
-            width,
-            height,
-            pixels: pixels.collect(),
-        }
+        Rgb8 { width, height, pixels: pixels.collect() }
     }
 }
 

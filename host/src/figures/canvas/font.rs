@@ -45,7 +45,12 @@ pub fn width(text: &str, size: f64, bold: bool) -> f64 {
 
 /// Visits every pixel a text covers, with its coverage, relative to the start of its baseline.
 /// False when the typeface cannot be read.
-pub(super) fn visit(text: &str, size: f64, bold: bool, mut pixel: impl FnMut(i32, i32, f32)) -> bool {
+pub(super) fn visit(
+    text: &str,
+    size: f64,
+    bold: bool,
+    mut pixel: impl FnMut(i32, i32, f32),
+) -> bool {
     let Some(face) = face(size, bold) else {
         return false;
     };

@@ -32,21 +32,13 @@ impl Stroke {
     /// An unbroken line.
     #[must_use]
     pub fn solid(color: Rgb, width: f64) -> Self {
-        Self {
-            color,
-            width,
-            dash: None,
-        }
+        Self { color, width, dash: None }
     }
 
     /// A dashed line.
     #[must_use]
     pub fn dashed(color: Rgb, width: f64) -> Self {
-        Self {
-            color,
-            width,
-            dash: Some((3.5 * width + 1.0, 2.0 * width + 1.0)),
-        }
+        Self { color, width, dash: Some((3.5 * width + 1.0, 2.0 * width + 1.0)) }
     }
 }
 
@@ -80,13 +72,7 @@ impl TextStyle {
     /// Plain text of a size.
     #[must_use]
     pub fn new(size: f64, anchor: Anchor) -> Self {
-        Self {
-            size,
-            color: style::INK,
-            bold: false,
-            anchor,
-            upright: false,
-        }
+        Self { size, color: style::INK, bold: false, anchor, upright: false }
     }
 
     /// The same in bold.
@@ -104,10 +90,7 @@ impl TextStyle {
     /// The same, read from the bottom upwards.
     #[must_use]
     pub fn upright(self) -> Self {
-        Self {
-            upright: true,
-            ..self
-        }
+        Self { upright: true, ..self }
     }
 }
 
@@ -134,12 +117,7 @@ impl Canvas {
     /// An empty drawing; the title is read to those who cannot see it.
     #[must_use]
     pub fn new(width: f64, height: f64, title: &str) -> Self {
-        Self {
-            width,
-            height,
-            title: title.to_owned(),
-            marks: Vec::new(),
-        }
+        Self { width, height, title: title.to_owned(), marks: Vec::new() }
     }
 
     /// Width and height in points.
@@ -227,11 +205,7 @@ mod tests {
 
     fn sample() -> Canvas {
         let mut canvas = Canvas::new(60.0, 40.0, "a <title>");
-        let image = Rgb8 {
-            width: 2,
-            height: 1,
-            pixels: vec![255, 0, 0, 0, 0, 255],
-        };
+        let image = Rgb8 { width: 2, height: 1, pixels: vec![255, 0, 0, 0, 0, 255] };
         canvas.image(Rect::new(10.0, 10.0, 20.0, 10.0), image);
         canvas.line([(0.0, 39.0), (59.0, 39.0)], Stroke::dashed(style::INK, 1.0));
         canvas.disc((50.0, 10.0), 4.0, style::DIRECT);
@@ -274,11 +248,7 @@ mod tests {
         canvas.fill([], style::INK);
         canvas.disc((1e300, nan), 1e300, style::INK);
         canvas.text((-1e300, 1e9), "away", TextStyle::new(9.0, Anchor::End));
-        let nothing = Rgb8 {
-            width: 0,
-            height: 3,
-            pixels: vec![],
-        };
+        let nothing = Rgb8 { width: 0, height: 3, pixels: vec![] };
         canvas.image(Rect::new(0.0, 0.0, 5.0, 5.0), nothing);
         assert!(canvas.png().is_ok() && canvas.svg().is_ok());
     }

@@ -4,7 +4,7 @@
 //! parser, because a damaged header must end in a message whatever its nesting and its numbers.
 
 use crate::error::{Error, Result};
-use crate::io::shape::count;
+use crate::io::shape::byte_count;
 use crate::io::staged::cannot_open;
 use std::fs::File;
 use std::os::unix::fs::FileExt;
@@ -113,8 +113,11 @@ impl Header {
             _ => return Err(damaged()),
         };
         let shape = entry(text, "shape").and_then(tuple).ok_or_else(damaged)?;
-        let data_bytes = count(&shape, number_type.bytes).ok_or_else(|| {
-            Error::file(path, format!("the header names the shape {shape:?}, larger than any memory"))
+        let data_bytes = byte_count(&shape, number_type.bytes).ok_or_else(|| {
+            Error::file(
+                path,
+                format!("the header names the shape {shape:?}, larger than any memory"),
+            )
         })?;
         Ok(Self { number_type, fortran_order, shape, data_offset, data_bytes })
     }
@@ -172,7 +175,9 @@ fn read_text(path: &Path, file: &File, length: u64) -> Result<(String, u64)> {
     if text_length > LONGEST_HEADER || start + text_length > length {
         return Err(Error::file(
             path,
-            format!("the .npy header claims {text_length} bytes: the file is damaged, write it again"),
+            format!(
+                "the .npy header claims {text_length} bytes: the file is damaged, write it again"
+            ),
         ));
     }
     let mut text = vec![0_u8; text_length as usize];

@@ -19,9 +19,7 @@ pub(crate) fn open_series(path: &Path) -> Result<Box<dyn Series>> {
     if number_type.kind != Kind::Complex || !matches!(number_type.bytes, 8 | 16) {
         return Err(Error::file(
             path,
-            format!(
-                "holds {number_type}; the complex field is needed, as complex64 or complex128"
-            ),
+            format!("holds {number_type}; the complex field is needed, as complex64 or complex128"),
         ));
     }
     let shape = Shape::of_series(path, &header.shape)?;
@@ -135,7 +133,11 @@ fn decode(number_type: NumberType, bytes: &[u8], out: &mut [Complex32]) {
     }
 }
 
-fn decode_pairs<const N: usize>(bytes: &[u8], out: &mut [Complex32], real: impl Fn([u8; N]) -> f32) {
+fn decode_pairs<const N: usize>(
+    bytes: &[u8],
+    out: &mut [Complex32],
+    real: impl Fn([u8; N]) -> f32,
+) {
     let (halves, _) = bytes.as_chunks::<N>();
     for (value, pair) in out.iter_mut().zip(halves.chunks_exact(2)) {
         *value = Complex32::new(real(pair[0]), real(pair[1]));

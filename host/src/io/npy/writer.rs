@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::io::element::Element;
-use crate::io::shape::count;
+use crate::io::shape::byte_count;
 use crate::io::staged::StagedFile;
 use npyz::WriterBuilder;
 use std::marker::PhantomData;
@@ -22,7 +22,7 @@ pub(crate) struct NpyWriter<T> {
 impl<T: Element> NpyWriter<T> {
     /// Begin a file and write its header.
     pub(crate) fn create(path: &Path, shape: &[usize]) -> Result<Self> {
-        let bytes = count(shape, size_of::<T>()).ok_or_else(|| {
+        let bytes = byte_count(shape, size_of::<T>()).ok_or_else(|| {
             Error::file(path, format!("shape {shape:?} is larger than any memory"))
         })?;
         let header = header::<T>(shape)

@@ -1,0 +1,119 @@
+//! `phasewalk simulate speckle`.
+
+use super::{Common, fraction, list, megabytes, print};
+use crate::error::Result;
+use crate::io::{Attributes, FieldLayout, FieldWriter, Truth};
+use crate::progress::Progress;
+use crate::simulate::SpeckleScene;
+use serde_json::json;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Kinds of series that can be made.
+#[derive(Debug, clap::Subcommand)]
+pub(super) enum Scenes {
+    /// Complex speckle images of moving point scatterers with an x-shaped area that moves together
+    /// (the paper's simulation)
+    Speckle(Speckle),
+}
+
+/// Options of `simulate speckle`.
+#[derive(Debug, clap::Args)]
+pub(super) struct Speckle {
+    /// Columns of the images
+    #[arg(long, value_name = "PX", default_value_t = 640)]
+    width: usize,
+    /// Rows of the images
+    #[arg(long, value_name = "PX", default_value_t = 368)]
+    height: usize,
+    /// Number of frames
+    #[arg(long, value_name = "N", default_value_t = 70)]
+    frames: usize,
+    /// Random motion per frame in x, y and z: standard deviation in wavelengths, such as 1/32 or 0
+    #[arg(long, value_name = "WAVELENGTHS", default_value = "1/32", value_parser = fraction,
+          allow_negative_numbers = true)]
+    sigma: f64,
+    /// Scatterers per pixel
+    #[arg(long, value_name = "N", default_value_t = 50)]
+    scatterers: usize,
+    /// Aperture: cut-off in cycles per wavelength
+    #[arg(long, value_name = "CYCLES", default_value_t = 0.06)]
+    na: f64,
+    /// Seed of the random numbers
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Result: F.npy (complex64 (time, y, x), with F.mask.npy and F.phase.npy beside it) or F.zarr
+    #[arg(short, long, value_name = "OUT")]
+    output: PathBuf,
+}
+
+impl Speckle {
+    fn scene(&self) -> SpeckleScene {
+        SpeckleScene {
+            width: self.width,
+            height: self.height,
+            frames: self.frames,
+            scatterers_per_pixel: self.scatterers,
+            sigma_wavelengths: self.sigma,
+            aperture_cycles_per_wavelength: self.na,
+            seed: self.seed,
+            ..SpeckleScene::default()
+        }
+    }
+}
+
+pub(super) fn run(scenes: &Scenes, common: &Common) -> Result<()> {
+    let Scenes::Speckle(options) = scenes;
+    let scene = options.scene();
+    scene.validate()?;
+    let start = Instant::now();
+    let memory = scene.memory_bytes(common.threads());
+    if !common.json {
+        let scatterers = scene.pixels() * scene.scatterers_per_pixel;
+        print(&format!(
+            "{scatterers} scatterers, {} frames of {} x {} pixels; {} of memory",
+            scene.frames,
+            scene.width,
+            scene.height,
+            megabytes(memory)
+        ));
+    }
+    let (mask, phase_rad) = (scene.mask(), scene.true_phase_rad());
+    let layout = FieldLayout {
+        frames: scene.frames,
+        height: scene.height,
+        width: scene.width,
+        attributes: attributes(&scene),
+        times_s: None,
+    };
+    let truth = Truth { mask: &mask, phase_rad: &phase_rad };
+    let mut writer = FieldWriter::create(&options.output, layout, truth)?;
+    let progress = Progress::new("simulating", scene.frames as u64);
+    scene.for_each_frame(&progress, |_, field| writer.push_frame(field))?;
+    let files = writer.finish()?;
+    drop(progress);
+    let seconds = start.elapsed().as_secs_f64();
+    if common.json {
+        print(&json!({ "files": files, "seconds": seconds, "memory_bytes": memory }).to_string());
+    } else {
+        print(&format!("wrote {} in {seconds:.1} s", list(&files)));
+    }
+    Ok(())
+}
+
+/// What made the series, kept with it.
+fn attributes(scene: &SpeckleScene) -> Attributes {
+    let mut attributes = Attributes::new();
+    for (key, value) in [
+        ("software", json!(concat!("phasewalk ", env!("CARGO_PKG_VERSION")))),
+        ("kind", json!("simulated speckle")),
+        ("seed", json!(scene.seed)),
+        ("sigma_wavelengths", json!(scene.sigma_wavelengths)),
+        ("scatterers_per_pixel", json!(scene.scatterers_per_pixel)),
+        ("aperture_cycles_per_wavelength", json!(scene.aperture_cycles_per_wavelength)),
+        ("pixel_pitch_wavelengths", json!(scene.pitch_wavelengths)),
+    ] {
+        attributes.insert(key.to_owned(), value);
+    }
+    attributes
+}

@@ -1,0 +1,124 @@
+//! One pair of frames over a strip: cross-spectrum, unit phasor, and the Gaussian mean of both.
+
+use super::strip::Layout;
+use crate::lanes::Lanes;
+use num_complex::Complex;
+use phasewalk_core::cross_spectrum::cross_spectrum;
+use phasewalk_core::layers::layer_difference;
+use phasewalk_core::weights::unit_phasor;
+
+/// The fields of two frames over a strip, in (depth, row, vector) order, and how to combine depths.
+#[derive(Clone, Copy)]
+pub struct Pair<'a, L> {
+    /// U(t).
+    pub earlier: &'a [Complex<L>],
+    /// U(t + dt).
+    pub later: &'a [Complex<L>],
+    /// Depths in Z1; the rest is Z2.
+    pub in_first: usize,
+    /// All depths.
+    pub depths: usize,
+}
+
+impl<L: Lanes> Pair<'_, L> {
+    /// C or C^{Z1-Z2} at one place of the strip; `plane` places make one depth.
+    #[inline(always)]
+    fn cross_spectrum(&self, place: usize, plane: usize) -> Complex<L> {
+        let at = |z: usize| {
+            cross_spectrum(self.earlier[z * plane + place], self.later[z * plane + place])
+        };
+        let sum = |zs: std::ops::Range<usize>| {
+            let start = at(zs.start);
+            zs.skip(1)
+                .map(at)
+                .fold(start, |sum, c| Complex { re: sum.re + c.re, im: sum.im + c.im })
+        };
+        let first = sum(0..self.in_first);
+        if self.in_first == self.depths {
+            return first;
+        }
+        layer_difference(first, sum(self.in_first..self.depths))
+    }
+}
+
+/// Buffers of the two filter passes: a column of products and the rows between the passes.
+pub struct Passes<L> {
+    column: Vec<L>,
+    rows: Vec<L>,
+    /// Half the Gaussian's taps.
+    half: Vec<L>,
+}
+
+impl<L: Lanes> Passes<L> {
+    /// Buffers for strips of at most `rows` rows.
+    pub fn new(layout: &Layout, rows: usize, half: &[f64]) -> Self {
+        Self {
+            column: vec![L::zero(); CHANNELS * (rows + 2 * layout.halo)],
+            rows: vec![L::zero(); CHANNELS * rows * (layout.blocks + 2 * layout.halo)],
+            half: half.iter().map(|&tap| L::from_f64(tap)).collect(),
+        }
+    }
+
+    /// Bytes that [`Self::new`] takes.
+    pub fn bytes(layout: &Layout, rows: usize) -> usize {
+        let row = layout.blocks + 2 * layout.halo;
+        CHANNELS * size_of::<L>() * (rows + 2 * layout.halo + rows * row)
+    }
+
+    /// Filter the pair and give `each(row, vector, means)`: <C> in the first two channels and, with
+    /// four, <C/|C|> in the others.
+    #[inline(always)]
+    pub fn run<const CH: usize>(
+        &mut self,
+        layout: &Layout,
+        rows: usize,
+        pair: Pair<'_, L>,
+        mut each: impl FnMut(usize, usize, [L; CH]),
+    ) {
+        let tall = rows + 2 * layout.halo;
+        let long = layout.blocks + 2 * layout.halo;
+        let window = self.half.len() * 2 - 1;
+        let column = &mut self.column.as_chunks_mut::<CH>().0[..tall];
+        let between = &mut self.rows.as_chunks_mut::<CH>().0[..rows * long];
+        for vector in 0..layout.blocks {
+            for (line, place) in column.iter_mut().enumerate() {
+                let c = pair.cross_spectrum(line * layout.blocks + vector, tall * layout.blocks);
+                *place = channels(c);
+            }
+            for (row, window) in column.windows(window).enumerate() {
+                between[row * long + layout.halo + vector] = weighted_sum(window, &self.half);
+            }
+        }
+        for (row, line) in between.chunks_exact_mut(long).enumerate() {
+            layout.fill_halo(line);
+            for (vector, window) in line.windows(window).enumerate() {
+                each(row, vector, weighted_sum(window, &self.half));
+            }
+        }
+    }
+}
+
+/// The most channels a pass carries: real and imaginary part of C and of C/|C|.
+const CHANNELS: usize = 4;
+
+#[inline(always)]
+fn channels<L: Lanes, const CH: usize>(c: Complex<L>) -> [L; CH] {
+    let phasor = if CH == CHANNELS { unit_phasor(c) } else { c };
+    let all = [c.re, c.im, phasor.re, phasor.im];
+    std::array::from_fn(|i| all[i])
+}
+
+/// Symmetric filter: the window's middle times half[0], plus (left + right) times half[d].
+#[inline(always)]
+fn weighted_sum<L: Lanes, const CH: usize>(window: &[[L; CH]], half: &[L]) -> [L; CH] {
+    let radius = half.len() - 1;
+    let (left, middle_right) = window.split_at(radius);
+    let mut sum: [L; CH] = std::array::from_fn(|i| middle_right[0][i] * half[0]);
+    let sides = left.iter().rev().zip(&middle_right[1..]);
+    for ((before, after), &tap) in sides.zip(&half[1..]) {
+        for i in 0..CH {
+            sum[i] = (before[i] + after[i]).mul_add(tap, sum[i]);
+        }
+    }
+    sum
+}

@@ -1,0 +1,85 @@
+//! The Gaussian of the ensemble average, cut where the arithmetic no longer sees it.
+
+use crate::error::{Error, Result};
+
+/// Half of a sampled Gaussian exp(-d^2 / (2 sigma^2)), d = 0, 1, ..., R, whose 2R+1 taps sum to 1
+/// (paper line 753; variance sigma_Gauss^2).
+#[derive(Clone, Debug)]
+pub struct Kernel {
+    /// sigma_Gauss in pixels.
+    pub sigma_px: f64,
+    /// Taps for d = 0 ..= R.
+    pub half: Vec<f64>,
+}
+
+/// R in units of sigma. What is cut off is erfc(R / (sqrt(2) sigma)) of the kernel: 3e-6 for `f32`, where
+/// it moves phases by 5e-6 rad, and below the rounding of `f64` (2e-16).
+const REACH_SINGLE: f64 = 4.66;
+const REACH_DOUBLE: f64 = 8.3;
+
+impl Kernel {
+    /// Taps for images of the given size; `double` for `f64` arithmetic.
+    ///
+    /// # Errors
+    /// When sigma is not above 0 or as wide as the image.
+    pub fn new(sigma_px: f64, height: usize, width: usize, double: bool) -> Result<Self> {
+        let side = height.min(width);
+        if !(sigma_px > 0.0) || !sigma_px.is_finite() {
+            return Err(Error::usage(format!("--gaussian {sigma_px}: must be above 0 pixels")));
+        }
+        if sigma_px >= side as f64 {
+            return Err(Error::usage(format!(
+                "--gaussian {sigma_px}: as wide as the image ({width} x {height} pixels) or wider"
+            )));
+        }
+        let reach = if double { REACH_DOUBLE } else { REACH_SINGLE };
+        let radius = (reach * sigma_px).ceil().max(1.0) as usize;
+        let tap = |d: usize| (-(d as f64).powi(2) / (2.0 * sigma_px * sigma_px)).exp();
+        let sum = tap(0) + 2.0 * (1..=radius).map(tap).sum::<f64>();
+        Ok(Self { sigma_px, half: (0..=radius).map(|d| tap(d) / sum).collect() })
+    }
+
+    /// R: taps on each side of the middle.
+    #[must_use]
+    pub fn radius(&self) -> usize {
+        self.half.len() - 1
+    }
+
+    /// Correlation of the kernel with itself at distance d, for the effective looks.
+    #[must_use]
+    pub fn autocorrelation(&self, d: usize) -> f64 {
+        let radius = self.radius() as isize;
+        let tap = |i: isize| self.half.get(i.unsigned_abs()).copied().unwrap_or(0.0);
+        (-radius..=radius).map(|i| tap(i) * tap(i + d as isize)).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn taps_sum_to_one_and_reach_as_far_as_stated() {
+        for (sigma, double, radius) in [(3.0, false, 14), (3.0, true, 25), (0.3, false, 2)] {
+            let kernel = Kernel::new(sigma, 64, 64, double).unwrap();
+            assert_eq!(kernel.radius(), radius);
+            let sum = 2.0 * kernel.half.iter().sum::<f64>() - kernel.half[0];
+            assert!((sum - 1.0).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn autocorrelation_gives_the_papers_looks() {
+        let kernel = Kernel::new(3.0, 64, 64, true).unwrap();
+        let squares = kernel.autocorrelation(0);
+        let looks = 1.0 / (squares * squares);
+        assert!((looks / phasewalk_core::weights::gaussian_looks(3.0) - 1.0).abs() < 1e-10);
+    }
+
+    #[test]
+    fn impossible_widths_are_refused() {
+        for sigma in [0.0, -1.0, f64::NAN, f64::INFINITY, 8.0, 100.0] {
+            assert_eq!(Kernel::new(sigma, 8, 20, false).unwrap_err().exit_status(), 2);
+        }
+    }
+}

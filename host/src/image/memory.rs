@@ -1,0 +1,69 @@
+//! How much memory a job takes, known before it starts.
+
+use super::filter::Passes;
+use super::phase::{Sample, Workspace};
+use super::strip::Layout;
+use super::{ImageJob, Kernel};
+use crate::error::{Error, Result};
+use crate::io::Shape;
+use crate::lanes::Lanes;
+
+/// Rows of the strips when memory does not forbid it: the two frames of a pair then stay in a core's
+/// second-level cache while the halo costs less than twice the rows.
+const PREFERRED_ROWS: usize = 16;
+
+/// What a job will take.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MemoryPlan {
+    /// Height of the strips.
+    pub strip_rows: usize,
+    /// Threads that have work.
+    pub threads: usize,
+    /// Bytes of the strips of all threads.
+    pub bytes: u64,
+}
+
+impl MemoryPlan {
+    /// The highest strips up to 16 rows that fit.
+    pub(super) fn new<L: Lanes>(job: &ImageJob<'_>, kernel: &Kernel) -> Result<Self> {
+        let Shape { height, .. } = job.series.shape();
+        let mut rows = PREFERRED_ROWS.min(height);
+        loop {
+            let threads = job.threads.clamp(1, height.div_ceil(rows));
+            let bytes = threads as u64 * bytes_per_thread::<L>(job, kernel, rows);
+            if bytes <= job.memory {
+                return Ok(Self { strip_rows: rows, threads, bytes });
+            }
+            if rows == 1 {
+                let megabytes = |bytes: u64| bytes.div_ceil(1 << 20);
+                return Err(Error::usage(format!(
+                    "--memory: {} MiB do not hold one row of the image; at least {} MiB are needed \
+                     with {threads} threads (fewer --threads or a smaller --max-lag need less)",
+                    megabytes(job.memory),
+                    megabytes(bytes),
+                )));
+            }
+            rows = rows.div_ceil(2);
+        }
+    }
+}
+
+fn bytes_per_thread<L: Lanes>(job: &ImageJob<'_>, kernel: &Kernel, rows: usize) -> u64 {
+    let Shape { frames, width, .. } = job.series.shape();
+    let layout = Layout::new(width, L::WIDTH, kernel.radius());
+    let places = (rows * layout.blocks) as u64;
+    let tall = (rows + 2 * layout.halo) as u64;
+    let vector = size_of::<L>() as u64;
+    let pairs = job.plan.pairs().len() as u64;
+    let depths = job.plan.depths.all().len() as u64;
+    let frames = frames as u64;
+    let fields = frames * depths * tall * layout.blocks as u64 * 2 * vector;
+    let samples = pairs * places * size_of::<Sample<L>>() as u64;
+    let coherences = if job.keeps_coherence() { pairs * places * vector } else { 0 };
+    let powers = if job.needs_coherence() { frames * places * vector } else { 0 };
+    let results = frames * (rows * width * 8) as u64;
+    let buffer = tall * width as u64 * 8;
+    let passes = Passes::<L>::bytes(&layout, rows) as u64;
+    let workspace = Workspace::<L>::bytes(job.plan, job.keeps_coherence()) as u64;
+    fields + samples + coherences + powers + results + buffer + passes + workspace
+}

@@ -1,0 +1,136 @@
+//! From the filtered pairs of one vector of pixels to their phases.
+
+use crate::lanes::Lanes;
+use crate::method::{Method, Plan};
+use phasewalk_core::batch::solve_series;
+use phasewalk_core::reference::subtract_reference;
+use phasewalk_core::regularize::batch_links;
+use phasewalk_core::solver::{Node, Solver};
+use phasewalk_core::variance::phase_variance;
+use phasewalk_core::weights::{debias, pair_variance};
+
+/// What is kept of a pair until the pixel is solved.
+#[derive(Clone, Copy)]
+pub struct Sample<L> {
+    /// arg <C>, radians.
+    pub phase: L,
+    /// w.
+    pub weight: L,
+}
+
+/// Buffers of the solution, one vector of pixels wide, and the vector's results.
+pub struct Workspace<L> {
+    solver: Solver<L, Vec<L>, Vec<Node<L>>>,
+    /// Noise q of each link, in the solver's rows.
+    noise: Vec<L>,
+    sensitivity: Vec<L>,
+    measured: Vec<L>,
+    /// phi(t) of the vector just solved, radians.
+    pub phases: Vec<L>,
+    /// Its standard deviation, where asked for.
+    pub sigmas: Vec<L>,
+}
+
+impl<L: Lanes> Workspace<L> {
+    /// Buffers for the plan.
+    pub fn new(plan: &Plan, sigma: bool) -> Self {
+        let frames = plan.frames();
+        let lags = plan.params.max_lag;
+        let line = || vec![L::zero(); frames];
+        Self {
+            solver: Solver::with_storage(
+                vec![L::zero(); frames * lags],
+                vec![Node::new(); frames],
+                lags,
+                plan.gauge(),
+                plan.params.reference_frames,
+            ),
+            noise: if sigma { vec![L::zero(); frames * lags] } else { Vec::new() },
+            sensitivity: line(),
+            measured: line(),
+            phases: line(),
+            sigmas: line(),
+        }
+    }
+
+    /// Bytes that [`Self::new`] takes.
+    pub fn bytes(plan: &Plan, sigma: bool) -> usize {
+        let links = plan.params.max_lag * if sigma { 2 } else { 1 };
+        plan.frames() * (links * size_of::<L>() + size_of::<Node<L>>() + 4 * size_of::<L>())
+    }
+
+    /// Solve one vector from its samples, in the order of `Plan::pairs`.
+    #[inline(always)]
+    pub fn solve(&mut self, plan: &Plan, samples: &[Sample<L>]) {
+        match plan.method {
+            Method::Direct => {
+                for (phase, sample) in self.phases.iter_mut().zip(samples) {
+                    *phase = -sample.phase;
+                }
+                self.subtract_reference(plan);
+            }
+            Method::OneStep => {
+                let mut walked = L::zero();
+                for (phase, step) in self.phases.iter_mut().skip(1).zip(samples) {
+                    walked = walked - step.phase;
+                    *phase = walked;
+                }
+                if let Some(first) = self.phases.first_mut() {
+                    *first = L::zero();
+                }
+                self.subtract_reference(plan);
+            }
+            Method::Paper(_) => {
+                let mut samples = samples.iter();
+                solve_series(
+                    &mut self.solver,
+                    &plan.params,
+                    &plan.times_s,
+                    |_, _| samples.next().map_or((L::zero(), L::zero()), |s| (s.phase, s.weight)),
+                    &mut self.phases,
+                    &mut self.measured,
+                );
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn subtract_reference(&mut self, plan: &Plan) {
+        self.measured.fill(L::one());
+        subtract_reference(&mut self.phases, &self.measured, plan.params.reference_frames);
+    }
+
+    /// Standard deviations of the phases just solved, from the coherences |gamma|^2 of the `pairs`
+    /// (least squares only).
+    #[inline(always)]
+    pub fn find_sigmas(
+        &mut self,
+        plan: &Plan,
+        pairs: &[(usize, usize)],
+        samples: &[Sample<L>],
+        coherences: &[L],
+        looks: f64,
+    ) {
+        let lags = plan.params.max_lag;
+        self.noise.fill(L::zero());
+        for (&(t, s), (sample, &coherence)) in pairs.iter().zip(samples.iter().zip(coherences)) {
+            let square = sample.weight * sample.weight;
+            let variance = pair_variance(debias(coherence, looks), looks);
+            self.noise[t * lags + s - t - 1] = square * square * variance;
+        }
+        for (t, dt, conductance) in batch_links(&plan.params, &plan.times_s) {
+            self.noise[t * lags + dt - 1] += L::from_f64(conductance);
+        }
+        for (frame, sigma) in self.sigmas.iter_mut().enumerate() {
+            let variance = phase_variance(
+                &self.solver,
+                &self.noise,
+                &self.measured,
+                plan.params.reference_frames,
+                frame,
+                &mut self.sensitivity,
+            );
+            *sigma = variance.sqrt();
+        }
+    }
+}

@@ -1,0 +1,190 @@
+//! A strip of rows in lane-block layout.
+//!
+//! A row of W columns is cut into `WIDTH` blocks of B = ceil(W / WIDTH) columns; vector i holds column
+//! l B + i in lane l. The neighbour of every column of vector i is then in vector i+1, aligned, so
+//! the horizontal filter reads whole vectors. Columns at and beyond W repeat the row from its
+//! beginning (the average is circular); R vectors of halo on each side are copied lane by lane.
+
+use crate::error::Result;
+use crate::io::{Series, Shape};
+use crate::lanes::Lanes;
+use num_complex::{Complex, Complex32};
+use std::ops::Range;
+
+/// Where the columns of a row are.
+#[derive(Clone, Debug)]
+pub struct Layout {
+    /// W.
+    pub width: usize,
+    /// B: vectors per row.
+    pub blocks: usize,
+    /// R: vectors of halo on each side in the filter's row buffer.
+    pub halo: usize,
+    /// For each halo vector (left ones, then right ones) and lane: the vector and lane to copy from.
+    halo_sources: Vec<(usize, usize)>,
+}
+
+impl Layout {
+    /// Layout of rows of `width` columns in `lanes` lanes.
+    #[must_use]
+    pub fn new(width: usize, lanes: usize, halo: usize) -> Self {
+        let blocks = width.div_ceil(lanes);
+        let position = |vector: isize, lane: usize| {
+            let column = (lane * blocks) as isize + vector - halo as isize;
+            let column = column.rem_euclid(width as isize) as usize;
+            (halo + column % blocks, column / blocks)
+        };
+        let halo_vectors = (0..halo).chain(halo + blocks..2 * halo + blocks);
+        let halo_sources = halo_vectors
+            .flat_map(|vector| (0..lanes).map(move |lane| position(vector as isize, lane)))
+            .collect();
+        Self { width, blocks, halo, halo_sources }
+    }
+
+    /// Fill the halo of a row buffer of B + 2R positions with `CH` vectors each.
+    #[inline(always)]
+    pub fn fill_halo<L: Lanes, const CH: usize>(&self, row: &mut [[L; CH]]) {
+        let numbers = L::flat_mut(row.as_flattened_mut());
+        let targets = (0..self.halo).chain(self.halo + self.blocks..2 * self.halo + self.blocks);
+        for (target, sources) in targets.zip(self.halo_sources.chunks_exact(L::WIDTH)) {
+            for (lane, &(vector, from)) in sources.iter().enumerate() {
+                for channel in 0..CH {
+                    numbers[(target * CH + channel) * L::WIDTH + lane] =
+                        numbers[(vector * CH + channel) * L::WIDTH + from];
+                }
+            }
+        }
+    }
+}
+
+/// What a strip holds: rows `rows` of all frames and the given depths, with R rows of circular halo
+/// above and below, scaled, unusable pixels set to 0.
+///
+/// Order (frame, depth, row, vector); `fields` has one entry per vector.
+#[inline(always)]
+pub fn load<L: Lanes>(
+    series: &dyn Series,
+    source: &Source<'_>,
+    layout: &Layout,
+    rows: Range<usize>,
+    buffer: &mut Vec<Complex32>,
+    fields: &mut [Complex<L>],
+) -> Result<()> {
+    let Shape { frames, height, width, .. } = series.shape();
+    let tall = rows.len() + 2 * layout.halo;
+    buffer.resize(tall * width, Complex32::default());
+    let mut targets = fields.chunks_exact_mut(tall * layout.blocks);
+    for frame in 0..frames {
+        for &depth in source.depths {
+            read_circular(series, frame, depth, &rows, layout.halo, buffer)?;
+            let Some(target) = targets.next() else { return Ok(()) };
+            let lines = buffer.chunks_exact(width).zip(target.chunks_exact_mut(layout.blocks));
+            for (i, (line, vectors)) in lines.enumerate() {
+                let y = circular(rows.start, i, layout.halo, height);
+                let valid = &source.valid[y * width..][..width];
+                scatter(line, valid, source.scale, layout, vectors);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// How the numbers of a series enter the strips.
+pub struct Source<'a> {
+    /// Depths, Z1 first.
+    pub depths: &'a [usize],
+    /// Usable pixels (y, x).
+    pub valid: &'a [bool],
+    /// Factor on every number.
+    pub scale: f32,
+}
+
+/// Image row of line i of a strip that begins `halo` rows above `start`.
+fn circular(start: usize, i: usize, halo: usize, height: usize) -> usize {
+    ((start + i) as isize - halo as isize).rem_euclid(height as isize) as usize
+}
+
+/// Read the rows and their halo, in as few requests as the image's edge allows.
+fn read_circular(
+    series: &dyn Series,
+    frame: usize,
+    depth: usize,
+    rows: &Range<usize>,
+    halo: usize,
+    buffer: &mut [Complex32],
+) -> Result<()> {
+    let Shape { height, width, .. } = series.shape();
+    let tall = rows.len() + 2 * halo;
+    let mut line = 0;
+    while line < tall {
+        let y = circular(rows.start, line, halo, height);
+        let count = (height - y).min(tall - line);
+        let part = &mut buffer[line * width..(line + count) * width];
+        series.read_rows(frame, depth, y..y + count, part)?;
+        line += count;
+    }
+    Ok(())
+}
+
+/// One line into lane blocks.
+#[inline(always)]
+fn scatter<L: Lanes>(
+    line: &[Complex32],
+    valid: &[bool],
+    scale: f32,
+    layout: &Layout,
+    vectors: &mut [Complex<L>],
+) {
+    for (i, vector) in vectors.iter_mut().enumerate() {
+        let (mut re, mut im) = ([L::zero()], [L::zero()]);
+        let lanes = L::flat_mut(&mut re).iter_mut().zip(L::flat_mut(&mut im));
+        for (lane, (re, im)) in lanes.enumerate() {
+            let column = (lane * layout.blocks + i) % layout.width;
+            let usable = if valid[column] { scale } else { 0.0 };
+            let u = line[column];
+            *re = L::Element::from(if usable > 0.0 { u.re * usable } else { 0.0 });
+            *im = L::Element::from(if usable > 0.0 { u.im * usable } else { 0.0 });
+        }
+        *vector = Complex { re: re[0], im: im[0] };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lanes::Array;
+    use phasewalk_core::Scalar;
+
+    /// After the halo has been filled, each lane reads its row circularly, whatever the width.
+    #[test]
+    fn every_neighbour_is_where_the_filter_looks() {
+        for width in [1, 3, 8, 13, 16, 37, 64] {
+            for halo in [1, 5, 40] {
+                let layout = Layout::new(width, 8, halo);
+                let vectors = layout.blocks + 2 * halo;
+                let mut row = vec![[Array::<f32, 8>::zero(); 2]; vectors];
+                for i in 0..layout.blocks {
+                    for lane in 0..8 {
+                        let column = (lane * layout.blocks + i) % width;
+                        for (channel, offset) in [0.5, 100.5].into_iter().enumerate() {
+                            let at = &mut row[halo + i][channel..=channel];
+                            Array::flat_mut(at)[lane] = column as f32 + offset;
+                        }
+                    }
+                }
+                layout.fill_halo(&mut row);
+                for (vector, channels) in row.iter().enumerate() {
+                    for (channel, offset) in [0.5, 100.5].into_iter().enumerate() {
+                        for (lane, &x) in
+                            Array::flat(&channels[channel..=channel]).iter().enumerate()
+                        {
+                            let column = (lane * layout.blocks + vector) as isize - halo as isize;
+                            let expected = column.rem_euclid(width as isize) as f32 + offset;
+                            assert_eq!(x, expected, "width {width}, vector {vector}, lane {lane}");
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

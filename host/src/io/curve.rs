@@ -1,0 +1,75 @@
+//! One phase per frame.
+
+use super::npy::{NpyWriter, sibling};
+use super::zarr::GroupWriter;
+use super::{Attributes, Format, write_atomic};
+use crate::error::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// The phase of one frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CurveRow {
+    /// Frame number, from 0.
+    pub frame: usize,
+    /// Acquisition time in seconds; the frame number where no times are known.
+    pub time_s: f64,
+    /// Phase in radians; NaN for a frame that could not be measured.
+    pub phase_rad: f64,
+    /// Standard deviation of the phase in radians.
+    pub sigma_rad: f64,
+}
+
+/// Write a curve: a `.csv` table `frame,time_s,phase_rad,sigma_rad`; float64 `F.npy` with
+/// `F.sigma.npy`; or a `.zarr` group of `phase_rad`, `sigma_rad` and `time_s` with `attributes`.
+/// The paths written are returned.
+///
+/// # Errors
+/// When there are no rows, the extension of `path` is unknown, or the file cannot be written.
+pub fn write_curve(path: &Path, rows: &[CurveRow], attributes: Attributes) -> Result<Vec<PathBuf>> {
+    if rows.is_empty() {
+        return Err(Error::file(path, "no frame to write"));
+    }
+    match Format::of(path)? {
+        Format::Csv => write_csv(path, rows),
+        Format::Npy => write_npy(path, rows),
+        Format::Zarr => write_zarr(path, rows, attributes),
+    }
+}
+
+fn column(rows: &[CurveRow], value: impl Fn(&CurveRow) -> f64) -> Vec<f64> {
+    rows.iter().map(value).collect()
+}
+
+fn write_csv(path: &Path, rows: &[CurveRow]) -> Result<Vec<PathBuf>> {
+    let mut table = String::from("frame,time_s,phase_rad,sigma_rad\n");
+    for CurveRow { frame, time_s, phase_rad, sigma_rad } in rows {
+        let numbers = [time_s, phase_rad, sigma_rad].map(|number| shortest(*number)).join(",");
+        table.push_str(&format!("{frame},{numbers}\n"));
+    }
+    write_atomic(path, table.as_bytes())?;
+    Ok(vec![path.to_owned()])
+}
+
+/// The shortest text that reads back as the same number.
+fn shortest(number: f64) -> String {
+    if number.is_nan() { "nan".to_owned() } else { format!("{number:?}") }
+}
+
+fn write_npy(path: &Path, rows: &[CurveRow]) -> Result<Vec<PathBuf>> {
+    let phase = NpyWriter::create(path, &[rows.len()])?;
+    let sigma = NpyWriter::create(&sibling(path, "sigma"), &[rows.len()])?;
+    phase.write_at(0, &column(rows, |row| row.phase_rad))?;
+    sigma.write_at(0, &column(rows, |row| row.sigma_rad))?;
+    let sigma = sigma.finish()?;
+    Ok(vec![phase.finish()?, sigma])
+}
+
+fn write_zarr(path: &Path, rows: &[CurveRow], attributes: Attributes) -> Result<Vec<PathBuf>> {
+    let bytes = size_of_val(rows) as u64;
+    let group = GroupWriter::create(path, attributes, bytes)?;
+    let write = |name, values: Vec<f64>| group.write_whole(name, &["time"], &[rows.len()], &values);
+    write("time_s", column(rows, |row| row.time_s))?;
+    write("phase_rad", column(rows, |row| row.phase_rad))?;
+    write("sigma_rad", column(rows, |row| row.sigma_rad))?;
+    Ok(vec![group.finish()?])
+}

@@ -1,0 +1,186 @@
+//! Lane types: W neighbouring pixels in one vector register, for the core's generic code.
+//!
+//! | type | lanes | machine |
+//! |---|---|---|
+//! | [`x86::F32x16`] | 16 | x86-64 with AVX-512 |
+//! | [`x86::F32x8`] | 8 | x86-64 with AVX2 and FMA |
+//! | [`Array`] of f32 | 8 | any |
+//! | [`Array`] of f64 | 4 | any, for `--precision f64` |
+//!
+//! The machine is asked at run time ([`Path::best`]), so the ordinary build is portable and fast.
+//! `PHASEWALK_SIMD=avx512|avx2|portable` chooses a path by hand.
+
+mod angle;
+mod array;
+#[cfg(target_arch = "x86_64")]
+pub mod x86;
+
+pub use array::Array;
+
+use crate::error::{Error, Result};
+use phasewalk_core::Scalar;
+
+/// A [`Scalar`] that holds one number for each of `WIDTH` pixels.
+pub trait Lanes: Scalar + Send + Sync + 'static {
+    /// The number in a lane.
+    type Element: Copy + Send + Sync + PartialOrd + From<f32> + Into<f64> + 'static;
+
+    /// How many lanes.
+    const WIDTH: usize;
+
+    /// The numbers of all vectors in order, `WIDTH` each.
+    fn flat(vectors: &[Self]) -> &[Self::Element];
+
+    /// The same, to be written.
+    fn flat_mut(vectors: &mut [Self]) -> &mut [Self::Element];
+}
+
+/// Which instructions the imaging code runs on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Path {
+    /// 16 x f32, AVX-512 (F, DQ, VL, BW) with FMA.
+    Avx512,
+    /// 8 x f32, AVX2 with FMA.
+    Avx2,
+    /// 8 x f32 in plain Rust.
+    Portable,
+}
+
+impl Path {
+    /// Can this machine run it?
+    #[must_use]
+    pub fn is_available(self) -> bool {
+        match self {
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => {
+                is_x86_feature_detected!("avx512f")
+                    && is_x86_feature_detected!("avx512dq")
+                    && is_x86_feature_detected!("avx512vl")
+                    && is_x86_feature_detected!("avx512bw")
+                    && is_x86_feature_detected!("fma")
+            }
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma"),
+            #[cfg(not(target_arch = "x86_64"))]
+            Self::Avx512 | Self::Avx2 => false,
+            Self::Portable => true,
+        }
+    }
+
+    /// All paths that this machine can run, fastest first.
+    #[must_use]
+    pub fn available() -> Vec<Self> {
+        let all = [Self::Avx512, Self::Avx2, Self::Portable];
+        all.into_iter().filter(|path| path.is_available()).collect()
+    }
+
+    /// The path of `PHASEWALK_SIMD`, else the fastest.
+    ///
+    /// # Errors
+    /// When the variable names no path, or one that this machine cannot run.
+    pub fn best() -> Result<Self> {
+        let wanted = std::env::var("PHASEWALK_SIMD").unwrap_or_default();
+        let path = match wanted.as_str() {
+            "" => return Ok(Self::available().first().copied().unwrap_or(Self::Portable)),
+            "avx512" => Self::Avx512,
+            "avx2" => Self::Avx2,
+            "portable" => Self::Portable,
+            _ => {
+                return Err(Error::usage(format!(
+                    "PHASEWALK_SIMD={wanted} is not known: use avx512, avx2 or portable"
+                )));
+            }
+        };
+        if path.is_available() {
+            return Ok(path);
+        }
+        Err(Error::usage(format!("PHASEWALK_SIMD={wanted}: this processor does not have it")))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use phasewalk_core::Mask;
+
+    /// Every operation of the lane type equals the scalar one in each lane.
+    fn lanes_equal_scalar<L: Lanes>(tolerance: f64) {
+        let numbers: Vec<f64> =
+            (0..97).map(|i| f64::from((f64::from(i) * 0.173 - 8.3).powi(3) as f32)).collect();
+        let load = |offset: usize| {
+            let mut vector = [L::zero()];
+            for (i, lane) in L::flat_mut(&mut vector).iter_mut().enumerate() {
+                *lane = L::Element::from(numbers[(offset + 5 * i) % numbers.len()] as f32);
+            }
+            vector[0]
+        };
+        let compare = |name: &str, got: L, expected: &dyn Fn(usize) -> f64| {
+            for (i, &lane) in L::flat(&[got]).iter().enumerate() {
+                let (got, expected): (f64, f64) = (lane.into(), expected(i));
+                let same = got == expected || (got.is_nan() && expected.is_nan());
+                let close = (got - expected).abs() <= tolerance * expected.abs().max(1e-30);
+                assert!(same || close, "{name} in lane {i}: {got} for {expected}");
+            }
+        };
+        for a in 0..numbers.len() {
+            let b = 3 * a + 1;
+            let x = |i: usize| numbers[(a + 5 * i) % numbers.len()];
+            let y = |i: usize| numbers[(b + 5 * i) % numbers.len()];
+            let (u, v) = (load(a), load(b));
+            compare("add", u + v, &|i| x(i) + y(i));
+            compare("sub", u - v, &|i| x(i) - y(i));
+            compare("mul", u * v, &|i| x(i) * y(i));
+            compare("div", u / v, &|i| x(i) / y(i));
+            compare("neg", -u, &|i| -x(i));
+            compare("abs", u.abs(), &|i| x(i).abs());
+            compare("max", u.max(v), &|i| x(i).max(y(i)));
+            compare("min", u.min(v), &|i| x(i).min(y(i)));
+            compare("sqrt", u.abs().sqrt(), &|i| x(i).abs().sqrt());
+            compare("inverse_sqrt", u.abs().inverse_sqrt(), &|i| 1.0 / x(i).abs().sqrt());
+            compare("atan2", u.atan2(v), &|i| libm::atan2(x(i), y(i)));
+            compare("select", L::select(u.lt(v), u, -v), &|i| {
+                if x(i) < y(i) { x(i) } else { -y(i) }
+            });
+            let any = (0..L::WIDTH).any(|i| x(i) < y(i));
+            assert_eq!(u.lt(v).any(), any, "any");
+            let mut sum = u;
+            sum += v;
+            compare("add_assign", sum, &|i| x(i) + y(i));
+            let (a, b) = (u.abs(), v.abs());
+            compare("mul_add", a.mul_add(b, b), &|i| x(i).abs().mul_add(y(i).abs(), y(i).abs()));
+        }
+        compare("atan2(0,0)", L::zero().atan2(L::zero()), &|_| 0.0);
+        compare("atan2(0,-1)", L::zero().atan2(-L::one()), &|_| std::f64::consts::PI);
+        compare(
+            "nan < 1",
+            L::select(L::from_f64(f64::NAN).lt(L::one()), L::one(), L::zero()),
+            &|_| 0.0,
+        );
+    }
+
+    // f32: a few units in the last place; cancellation in add, sub and mul_add is relative to the
+    // rounded inputs, which are the same on both sides (mul_add on two roundings: no cancellation).
+    const SINGLE: f64 = 4e-7;
+
+    #[test]
+    fn portable_lanes() {
+        lanes_equal_scalar::<Array<f32, 8>>(SINGLE);
+        lanes_equal_scalar::<Array<f64, 4>>(1e-15);
+    }
+
+    #[test]
+    #[cfg(target_arch = "x86_64")]
+    fn vector_lanes() {
+        if Path::Avx2.is_available() {
+            lanes_equal_scalar::<x86::F32x8>(SINGLE);
+        }
+        if Path::Avx512.is_available() {
+            lanes_equal_scalar::<x86::F32x16>(SINGLE);
+        }
+    }
+
+    #[test]
+    fn the_portable_path_is_always_there() {
+        assert_eq!(Path::available().last(), Some(&Path::Portable));
+    }
+}

@@ -1,0 +1,141 @@
+//! Effective looks: how many independent speckles an average holds, estimated from the frames.
+//!
+//! L = 1 / sum over x,x' of w(x) w(x') |mu(x-x')|^2, where mu(d) is the spatial coherence of the field,
+//! sum_x U(x) conj U(x+d), normalised by the powers at both ends.
+
+use crate::error::Result;
+use crate::image::Kernel;
+use crate::io::{Series, Shape};
+use crate::progress;
+use crate::series::Survey;
+use num_complex::{Complex32, Complex64};
+use phasewalk_core::weights::effective_looks;
+use rayon::prelude::*;
+
+/// Frames that the coherence is estimated from: enough for a noise of |mu|^2 far below 1 %.
+const FRAMES: usize = 8;
+/// The widest distance looked at first, pixels; doubled while the coherence is still above
+/// [`STILL_COHERENT`] there.
+const FIRST_REACH: usize = 6;
+const STILL_COHERENT: f64 = 0.02;
+const LAST_REACH: usize = 48;
+
+/// |mu(d)|^2 for -reach <= dy, dx <= reach.
+pub struct SpatialCoherence {
+    reach: isize,
+    /// (dy, dx), row after row.
+    squared: Vec<f64>,
+}
+
+impl SpatialCoherence {
+    /// Estimate from up to eight frames spread over the series, at the given depths.
+    ///
+    /// # Errors
+    /// When the series cannot be read or the user interrupts.
+    pub fn estimate(series: &dyn Series, survey: &Survey, depths: &[usize]) -> Result<Self> {
+        let Shape { frames, height, width, .. } = series.shape();
+        let mut fields = Vec::new();
+        for i in 0..frames.min(FRAMES) {
+            progress::check()?;
+            let frame = i * (frames - 1) / (frames.min(FRAMES) - 1).max(1);
+            for &depth in depths {
+                let mut field = vec![Complex32::default(); height * width];
+                series.read_rows(frame, depth, 0..height, &mut field)?;
+                for (u, &valid) in field.iter_mut().zip(&survey.valid) {
+                    *u = if valid { *u * survey.scale } else { Complex32::default() };
+                }
+                fields.push(field);
+            }
+        }
+        let limit = LAST_REACH.min((height.min(width) - 1) / 2);
+        let mut reach = FIRST_REACH.min(limit);
+        loop {
+            progress::check()?;
+            let coherence = Self::of_fields(&fields, width, reach as isize);
+            if reach == limit || coherence.at_the_rim() < STILL_COHERENT {
+                return Ok(coherence);
+            }
+            reach = (2 * reach).min(limit);
+        }
+    }
+
+    fn of_fields(fields: &[Vec<Complex32>], width: usize, reach: isize) -> Self {
+        // mu(-d) is the conjugate of mu(d): the upper half is enough.
+        let side = 2 * reach + 1;
+        let squared: Vec<f64> = (0..side * side)
+            .into_par_iter()
+            .map(|i| {
+                let (dy, dx) = (i / side - reach, i % side - reach);
+                if (dy, dx) < (0, 0) {
+                    return 0.0;
+                }
+                squared_coherence(fields, width, dy as usize, dx)
+            })
+            .collect();
+        let mirrored = squared.iter().rev().zip(&squared).map(|(&a, &b)| a.max(b)).collect();
+        Self { reach, squared: mirrored }
+    }
+
+    /// Largest |mu|^2 on the rim of the window.
+    fn at_the_rim(&self) -> f64 {
+        let rim = |dy: isize, dx: isize| dy.abs().max(dx.abs()) == self.reach;
+        self.distances().filter(|&(dy, dx, _)| rim(dy, dx)).fold(0.0, |max, (_, _, s)| s.max(max))
+    }
+
+    fn distances(&self) -> impl Iterator<Item = (isize, isize, f64)> + '_ {
+        let side = 2 * self.reach + 1;
+        (0..side * side)
+            .zip(&self.squared)
+            .map(move |(i, &s)| (i / side - self.reach, i % side - self.reach, s))
+    }
+
+    /// Effective looks of the mean over a mask (y, x).
+    #[must_use]
+    pub fn looks_of_mask(&self, mask: &[bool], width: usize) -> f64 {
+        let chosen: Vec<usize> = (0..mask.len()).filter(|&i| mask[i]).collect();
+        let count = chosen.len() as f64;
+        let height = mask.len() / width;
+        let partners = |dy: isize, dx: isize| {
+            let inside = |&&i: &&usize| {
+                let (y, x) = ((i / width) as isize + dy, (i % width) as isize + dx);
+                let contained =
+                    (0..height as isize).contains(&y) && (0..width as isize).contains(&x);
+                contained && mask[(y as usize) * width + x as usize]
+            };
+            chosen.iter().filter(inside).count() as f64
+        };
+        effective_looks(self.distances().map(|(dy, dx, s)| partners(dy, dx) * s / (count * count)))
+    }
+
+    /// Effective looks of the mean under a Gaussian.
+    #[must_use]
+    pub fn looks_of_kernel(&self, kernel: &Kernel) -> f64 {
+        let overlap: Vec<f64> =
+            (0..=self.reach as usize).map(|d| kernel.autocorrelation(d)).collect();
+        effective_looks(
+            self.distances()
+                .map(|(dy, dx, s)| overlap[dy.unsigned_abs()] * overlap[dx.unsigned_abs()] * s),
+        )
+    }
+}
+
+/// |mu(dy, dx)|^2 over all pixels x whose partner x + d lies in the image; dy >= 0.
+fn squared_coherence(fields: &[Vec<Complex32>], width: usize, dy: usize, dx: isize) -> f64 {
+    let columns = (-dx).max(0) as usize..(width as isize - dx.max(0)) as usize;
+    let (mut cross, mut here, mut there) = (Complex64::default(), 0.0, 0.0);
+    for field in fields {
+        for (row, partner) in field.chunks_exact(width).zip(field.chunks_exact(width).skip(dy)) {
+            let shifted = (columns.start as isize + dx) as usize..;
+            for (u, v) in row[columns.clone()].iter().zip(&partner[shifted]) {
+                let (u, v) = (
+                    Complex64::new(f64::from(u.re), f64::from(u.im)),
+                    Complex64::new(f64::from(v.re), f64::from(v.im)),
+                );
+                cross += u * v.conj();
+                here += u.norm_sqr();
+                there += v.norm_sqr();
+            }
+        }
+    }
+    if here * there > 0.0 { cross.norm_sqr() / (here * there) } else { 0.0 }
+}
