@@ -7,6 +7,7 @@ use crate::scalar::Scalar;
 /// `phases` in radians, one per frame; `valid` is 1 for frames that some pair has measured and 0
 /// for the others, which do not count in the mean (0 everywhere: the mean is taken for 0).
 /// A series shorter than `reference_frames` is its own reference.
+#[inline(always)]
 pub fn subtract_reference<T: Scalar>(phases: &mut [T], valid: &[T], reference_frames: usize) {
     let mut sum = T::zero();
     let mut count = T::zero();

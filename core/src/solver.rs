@@ -39,7 +39,7 @@ pub struct Node<T> {
 
 impl<T: Scalar> Node<T> {
     /// A frame without links.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn new() -> Self {
         let zero = T::zero();
@@ -266,7 +266,7 @@ where
         for t in (first..self.frames).rev() {
             let (Some(row), Some(node)) = (self.row(t), self.node(t)) else { return };
             let later = phases.get(t - first + 1..self.frames - first).unwrap_or(&[]);
-            let current = row.iter().zip(later).fold(node.rhs, |sum, (&a, &p)| a.mul_add(p, sum));
+            let current = sum_of_products(row, later, node.rhs);
             if let Some(phase) = phases.get_mut(t - first) {
                 *phase = divide_by_pivot(current, node.pivot);
             }
@@ -305,6 +305,7 @@ where
     /// Solve for another right-hand side, after [`Self::finish`] and with all frames held:
     /// `values` comes as the right-hand side and leaves as the solution, one entry per frame.
     /// The entry of the gauge frame is ignored and becomes 0.
+    #[inline(always)]
     pub(crate) fn solve(&self, values: &mut [T]) {
         for t in 0..self.frames {
             let (Some(row), Some(node)) = (self.row(t), self.node(t)) else { return };
@@ -321,7 +322,7 @@ where
             let (Some(row), Some(node)) = (self.row(t), self.node(t)) else { return };
             let later = values.get(t + 1..).unwrap_or(&[]);
             let start = values.get(t).copied().unwrap_or(T::zero());
-            let sum = row.iter().zip(later).fold(start, |sum, (&a, &p)| a.mul_add(p, sum));
+            let sum = sum_of_products(row, later, start);
             if let Some(value) = values.get_mut(t) {
                 *value = divide_by_pivot(sum, node.pivot);
             }
@@ -417,7 +418,10 @@ where
         let slot = self.slot(t);
         let own = slot * lags..slot * lags + reach;
         let row = self.links.as_ref().get(own.clone()).unwrap_or(&[]);
-        let pivot = row.iter().fold(node.ground, |sum, &a| sum + a);
+        let mut pivot = node.ground;
+        for &a in row {
+            pivot += a;
+        }
         let inverse = T::one() / pivot;
         self.reference_sum += node.reference * node.rhs * inverse;
         if let Some(node) = self.nodes.as_mut().get_mut(slot) {
@@ -445,6 +449,17 @@ where
             }
         }
     }
+}
+
+/// `start` plus the sum of a_i x_i. Loops rather than closures wherever lanes pass: a closure cannot be
+/// told to be inlined, and outside its caller it is compiled without the vector instructions.
+#[inline(always)]
+fn sum_of_products<T: Scalar>(a: &[T], x: &[T], start: T) -> T {
+    let mut sum = start;
+    for (&a, &x) in a.iter().zip(x) {
+        sum = a.mul_add(x, sum);
+    }
+    sum
 }
 
 /// value / pivot, and 0 for the gauge frame, whose pivot is 0 (in every lane alike).

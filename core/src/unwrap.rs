@@ -48,17 +48,16 @@ impl<T: Scalar, const D: usize> Default for Unwrapper<T, D> {
 /// steps of 2 pi that each lower the sum (the sum is convex in k, so this is the minimum).
 #[inline(always)]
 fn nearest_branch<T: Scalar, const D: usize>(phase: T, recent: &[T; D]) -> T {
-    let distance = |x: T| recent.iter().fold(T::zero(), |sum, &r| sum + (x - r).abs());
     let mut phase = phase;
-    let mut least = distance(phase);
+    let mut least = distance(phase, recent);
     // A step changes the sum to 2 pi D - least at the very least: no step helps up to pi D.
     if !T::from_f64(PI * D as f64).lt(least).any() {
         return phase;
     }
-    for turn in [TAU, -TAU].map(T::from_f64) {
+    for turn in [T::from_f64(TAU), T::from_f64(-TAU)] {
         loop {
             let moved = phase + turn;
-            let sum = distance(moved);
+            let sum = distance(moved, recent);
             let lower = sum.lt(least);
             if !lower.any() {
                 break;
@@ -68,6 +67,16 @@ fn nearest_branch<T: Scalar, const D: usize>(phase: T, recent: &[T; D]) -> T {
         }
     }
     phase
+}
+
+/// Sum of the absolute differences.
+#[inline(always)]
+fn distance<T: Scalar, const D: usize>(phase: T, recent: &[T; D]) -> T {
+    let mut sum = T::zero();
+    for &other in recent {
+        sum += (phase - other).abs();
+    }
+    sum
 }
 
 #[cfg(test)]

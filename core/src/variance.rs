@@ -38,8 +38,10 @@ where
     A: AsRef<[T]> + AsMut<[T]>,
     B: AsRef<[Node<T>]> + AsMut<[Node<T>]>,
 {
-    let references = measured.iter().take(reference_frames);
-    let count = references.fold(T::zero(), |sum, &m| sum + m);
+    let mut count = T::zero();
+    for &m in measured.iter().take(reference_frames) {
+        count += m;
+    }
     for (t, (value, &m)) in sensitivity.iter_mut().zip(measured).enumerate() {
         let own = if t == frame { T::one() } else { T::zero() };
         let share = if t < reference_frames { divide_by_pivot(m, count) } else { T::zero() };

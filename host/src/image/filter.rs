@@ -24,20 +24,22 @@ impl<L: Lanes> Pair<'_, L> {
     /// C or C^{Z1-Z2} at one place of the strip; `plane` places make one depth.
     #[inline(always)]
     fn cross_spectrum(&self, place: usize, plane: usize) -> Complex<L> {
-        let at = |z: usize| {
-            cross_spectrum(self.earlier[z * plane + place], self.later[z * plane + place])
-        };
-        let sum = |zs: std::ops::Range<usize>| {
-            let start = at(zs.start);
-            zs.skip(1)
-                .map(at)
-                .fold(start, |sum, c| Complex { re: sum.re + c.re, im: sum.im + c.im })
-        };
-        let first = sum(0..self.in_first);
+        let first = self.sum(0..self.in_first, place, plane);
         if self.in_first == self.depths {
             return first;
         }
-        layer_difference(first, sum(self.in_first..self.depths))
+        layer_difference(first, self.sum(self.in_first..self.depths, place, plane))
+    }
+
+    #[inline(always)]
+    fn sum(&self, depths: std::ops::Range<usize>, place: usize, plane: usize) -> Complex<L> {
+        let mut sum = Complex { re: L::zero(), im: L::zero() };
+        for z in depths {
+            let c = cross_spectrum(self.earlier[z * plane + place], self.later[z * plane + place]);
+            sum.re += c.re;
+            sum.im += c.im;
+        }
+        sum
     }
 }
 
@@ -103,9 +105,15 @@ const CHANNELS: usize = 4;
 
 #[inline(always)]
 fn channels<L: Lanes, const CH: usize>(c: Complex<L>) -> [L; CH] {
-    let phasor = if CH == CHANNELS { unit_phasor(c) } else { c };
-    let all = [c.re, c.im, phasor.re, phasor.im];
-    std::array::from_fn(|i| all[i])
+    let mut channels = [L::zero(); CH];
+    if CH == CHANNELS {
+        let phasor = unit_phasor(c);
+        channels[CH - 2] = phasor.re;
+        channels[CH - 1] = phasor.im;
+    }
+    channels[0] = c.re;
+    channels[1] = c.im;
+    channels
 }
 
 /// Symmetric filter: the window's middle times half[0], plus (left + right) times half[d].
@@ -113,7 +121,10 @@ fn channels<L: Lanes, const CH: usize>(c: Complex<L>) -> [L; CH] {
 fn weighted_sum<L: Lanes, const CH: usize>(window: &[[L; CH]], half: &[L]) -> [L; CH] {
     let radius = half.len() - 1;
     let (left, middle_right) = window.split_at(radius);
-    let mut sum: [L; CH] = std::array::from_fn(|i| middle_right[0][i] * half[0]);
+    let mut sum = middle_right[0];
+    for channel in &mut sum {
+        *channel = *channel * half[0];
+    }
     let sides = left.iter().rev().zip(&middle_right[1..]);
     for ((before, after), &tap) in sides.zip(&half[1..]) {
         for i in 0..CH {
