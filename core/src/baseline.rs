@@ -39,7 +39,7 @@ pub fn unwrap_in_time<T: Scalar>(phases: &mut [T]) {
             }
         }
         previous = Some(*phase);
-        *phase = *phase + offset;
+        *phase += offset;
     }
 }
 

@@ -7,7 +7,7 @@ use crate::scalar::Scalar;
 use crate::solver::{Node, Solver};
 use crate::unwrap::Unwrapper;
 
-/// Phases of a series against the mean of its reference frames (paper lines 850-947), radians.
+/// Phases of a series against the mean of its reference frames (paper lines 850-948), radians.
 ///
 /// `pair(t, dt)` gives (arg <C(t,dt)> wrapped, weight w) and is called with t ascending and, within
 /// t, dt = 1, 2, ... up to the largest lag. `times` are the N acquisition times, ascending. Results go

@@ -38,7 +38,7 @@ impl<T: Scalar> PairMean<T> {
     }
 }
 
-/// Running mean of the cross-spectrum over the pixels of a mask M (paper lines 739-745):
+/// Running mean of the cross-spectrum over the pixels of a mask M (paper lines 739-747):
 /// <C(t,dt)>_M = 1/|M| * sum over (x,y) in M of C(x,y; t,dt), and the same of C/|C| (line 770).
 #[derive(Clone, Copy, Debug)]
 pub struct Ensemble<T> {

@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 
-/// D: how many preceding phases an unwrapped phase is compared with (paper line 846).
+/// D: how many preceding phases an unwrapped phase is compared with (paper line 842).
 pub const UNWRAP_NEIGHBOURS: usize = 10;
 
 /// mu_1: strength of the gauge term Gamma_1 (line 936).
@@ -15,22 +15,22 @@ pub const GAUGE_STRENGTH: f64 = 0.02;
 /// mu_2: strength of the difference term Gamma_2 (line 936).
 pub const DIFFERENCE_STRENGTH: f64 = 0.001;
 
-/// g: the frame that Gamma_1 holds at zero, the fifth (line 923).
+/// g: the frame that Gamma_1 holds at zero, the fifth (lines 922-927).
 pub const GAUGE_FRAME: usize = 4;
 
-/// N_0: the first frames, without deliberate change, whose mean is subtracted (line 946).
+/// N_0: the first frames, without deliberate change, whose mean is subtracted (lines 945-948).
 pub const REFERENCE_FRAMES: usize = 5;
 
-/// t_0: the frame to which the direct phase difference compares (line 535: the fifth).
+/// t_0: the frame to which the direct phase difference compares (line 526: the fifth).
 pub const DIRECT_FRAME: usize = 4;
 
-/// P_0: probability that random phases stay below the threshold b (line 809).
+/// P_0: probability that random phases stay below the threshold b (line 806).
 pub const RANDOM_PROBABILITY: f64 = 0.999_99;
 
 /// Which finite difference Gamma_2 keeps small.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Difference {
-    /// phi_i - phi_{i-1}, as the paper has it (line 923): a gap is bridged by a level line.
+    /// phi_i - phi_{i-1}, as the paper has it (lines 929-935): a gap is bridged by a level line.
     First,
     /// The second divided difference: a gap is bridged by a straight line.
     Second,

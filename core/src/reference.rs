@@ -2,7 +2,7 @@
 
 use crate::scalar::Scalar;
 
-/// phi_i <- phi_i - 1/N_0 * sum over j < N_0 of phi_j (paper line 946).
+/// phi_i <- phi_i - 1/N_0 * sum over j < N_0 of phi_j (paper lines 945-948).
 ///
 /// `phases` in radians, one per frame; `valid` is 1 for frames that some pair has measured and 0
 /// for the others, which do not count in the mean (0 everywhere: the mean is taken for 0).

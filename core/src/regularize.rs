@@ -1,6 +1,6 @@
 //! Tikhonov terms: Gamma_1 fixes the gauge, Gamma_2 bridges frames whose weights are all zero.
 //!
-//! Gamma_1 (paper lines 913-936) is one entry, mu_1^2 phi_g^2. The rest of the problem knows
+//! Gamma_1 (paper lines 922-927) is one entry, mu_1^2 phi_g^2. The rest of the problem knows
 //! differences only, so the sum of all normal equations reads mu_1^2 phi_g = 0: whatever
 //! mu_1 > 0, it sets phi_g = 0 and changes no difference. The solver therefore leaves phi_g out as
 //! a known zero (`Solver::with_storage`'s gauge), which is the same solution without the digits
@@ -20,7 +20,7 @@ use crate::solver::{Node, Solver};
 /// three are used (fewer: no links), and `interval` the interval, in the same unit, at which
 /// the difference has the paper's scale:
 ///
-/// first:  mu_2 * (phi_b - phi_a) * interval / (t_b - t_a); evenly spaced: phi_i - phi_{i-1} (line 923)
+/// first:  mu_2 * (phi_b - phi_a) * interval / (t_b - t_a); evenly spaced: phi_i - phi_{i-1} (paper lines 929-935)
 /// second: mu_2 * 2 [(phi_c - phi_b)/(t_c - t_b) - (phi_b - phi_a)/(t_b - t_a)] / (t_c - t_a) * interval^2;
 ///         evenly spaced: phi_i - 2 phi_{i-1} + phi_{i-2}
 #[inline]

@@ -1,6 +1,6 @@
 //! The extended Knox-Thompson solution: banded normal equations, eliminated as frames arrive.
 //!
-//! The phases minimise (paper lines 850-920, `arg` and sign as settled in the crate's convention)
+//! The phases minimise (paper lines 850-919, `arg` and sign as settled in the crate's convention)
 //!
 //! sum over pairs (t,dt), dt <= L, of w(t,dt)^2 (phi_t - phi_{t+dt} - c(t,dt))^2 + mu_2^2 |Gamma_2 phi|^2,
 //! phi_g = 0,
@@ -281,7 +281,7 @@ where
         }
     }
 
-    /// Phase of the newest frame against the mean of the reference frames (paper line 946), in
+    /// Phase of the newest frame against the mean of the reference frames (paper lines 945-948), in
     /// radians, from all pairs so far; the frames themselves may have been forgotten.
     #[must_use]
     pub fn newest_phase(&self) -> T

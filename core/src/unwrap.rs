@@ -4,7 +4,7 @@ use crate::params::UNWRAP_NEIGHBOURS;
 use crate::scalar::{Mask, Scalar};
 use core::f64::consts::{PI, TAU};
 
-/// One row arg<C(t, dt)>, dt = 0, 1, 2, ... of one t, unwrapped as it arrives (paper lines 834-846).
+/// One row arg<C(t, dt)>, dt = 0, 1, 2, ... of one t, unwrapped as it arrives (paper lines 834-842).
 ///
 /// The first D phases, dt = 0 (phase 0) included, are taken to be free of wrapping. Each later one
 /// is moved by 2 pi up or down as long as that lowers the sum of its absolute differences to the

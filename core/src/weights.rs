@@ -16,7 +16,7 @@ pub fn unit_phasor<T: Scalar>(c: Complex<T>) -> Complex<T> {
 
 /// Threshold b below which the mean of `looks` random unit phasors stays with probability `p0`.
 ///
-/// The modulus follows a Rayleigh distribution (paper lines 795-809) with
+/// The modulus follows a Rayleigh distribution (paper lines 795-806) with
 /// sigma = 1/sqrt(2 looks) (line 814), whose inverse is
 /// b = A_0(P_0) = sqrt(-2 sigma^2 ln(1 - P_0)) = sqrt(-ln(1 - P_0) / looks).
 #[must_use]
@@ -68,7 +68,7 @@ pub fn pair_variance<T: Scalar>(coherence_squared: T, looks: f64) -> T {
 /// Which weight multiplies a pair's residual (its square enters the normal equations).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Weighting {
-    /// w = T(|<C/|C|>| - b) with T(x) = max(x, 0) (paper lines 770-791, read as a mean and its modulus).
+    /// w = T(|<C/|C|>| - b) with T(x) = max(x, 0) (paper lines 769-784, read as a mean and its modulus).
     Paper,
     /// w = |gamma|^2 / (1 - |gamma|^2) with |gamma|^2 debiased, 0 where |gamma| < b: the Fisher
     /// information of the pair's phase. That it enters squared is an empirical choice; pairs are

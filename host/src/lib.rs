@@ -9,6 +9,7 @@
 
 pub mod cli;
 pub mod curve;
+pub mod demo;
 pub mod error;
 pub mod figures;
 pub mod image;

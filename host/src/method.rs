@@ -13,7 +13,7 @@ pub enum Method {
     Direct,
     /// Knox-Thompson walk in single steps (line 421).
     OneStep,
-    /// All pairs up to the largest lag, weighted least squares (lines 850-947).
+    /// All pairs up to the largest lag, weighted least squares (lines 850-948).
     Paper(Weighting),
 }
 

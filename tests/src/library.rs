@@ -15,12 +15,7 @@ use std::sync::Mutex;
 /// # Panics
 /// If the library reports an error.
 #[must_use]
-pub fn phase_curve(
-    recording: &Recording,
-    mask: &[bool],
-    plan: &Plan,
-    looks: f64,
-) -> Vec<CurveRow> {
+pub fn phase_curve(recording: &Recording, mask: &[bool], plan: &Plan, looks: f64) -> Vec<CurveRow> {
     let series = recording.held();
     let progress = Progress::hidden();
     let survey = survey(&series, &plan.depths.all()).expect("usable pixels");

@@ -15,6 +15,8 @@ tolerances! {
     DOUBLE_RAD = 1e-7, "rad: f64 against the oracle or against another order of the same sums. \
         Phases of up to 1e2 rad carry 1e-14; Gamma_2 links of 1e-6 beside weights of 1 magnify \
         that a millionfold at the worst.";
+    BRIDGED_DOUBLE_RAD = 1e-5, "rad: f64 where Gamma_2 alone, of conductance 1e-6, joins frames: the \
+        1e-12 that is lost in currents of 1e4 (Fisher weights squared) shows as 1e-6 rad.";
     SINGLE_STORED_RAD = 1e-5, "rad: f64 results that an image stores as f32: half a unit in the last \
         place of 128 rad is 4e-6.";
     SINGLE_RAD = 1e-3, "rad: f32 against f64 through the whole solution: 1e-6 rad in each of hundreds \

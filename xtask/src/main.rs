@@ -1,2 +1,131 @@
-//! Developer commands.
-fn main() {}
+//! Developer commands: `cargo xtask test` runs everything there is to check, `cargo xtask peers`
+//! times the program beside NumPy.
+//!
+//! No dependencies: this is compiled before anything can be tested.
+//!
+//! ```text
+//! main.rs      parse, run, one way out for errors
+//! folders.rs   where things are
+//! command.rs   run a program, announce and time it
+//! steps.rs     `test`: what is run, in which order
+//! interop.rs   what NumPy and zarr-python say about our files and images
+//! peers.rs     `peers`: the full-size comparison
+//! python.rs    the virtual environment of the scripts in tests/peers
+//! packages.rs  system packages
+//! ```
+
+mod command;
+mod folders;
+mod interop;
+mod packages;
+mod peers;
+mod python;
+mod steps;
+
+use std::process::ExitCode;
+
+/// Errors are one sentence for a person: what failed and what to do.
+type Result<T = ()> = std::result::Result<T, String>;
+
+const HELP: &str = "\
+Developer commands of Phasewalk.
+
+Usage: cargo xtask test
+       cargo xtask peers [--width PX] [--height PX] [--frames N]
+       cargo xtask help
+
+test    Everything a change must pass: formatting, lints, tests, documentation, the demo, and
+        Python reading our files and agreeing with our images. The first failure ends it.
+        As root on Debian it installs the packages it lacks; elsewhere it prints the line that
+        does. Needs the network for the first run (crates and Python packages).
+peers   Times `phasewalk phase` and the same method in NumPy + SciPy on the paper's scene, one
+        after the other, and compares the images. Full size takes minutes and about 5 GB of memory.
+          --width PX    columns [default: 640]
+          --height PX   rows [default: 368]
+          --frames N    frames [default: 70]
+
+Exit status: 0 done, 1 failed, 2 wrong usage.
+";
+
+/// What was asked for.
+#[derive(Debug, PartialEq, Eq)]
+enum Task {
+    Test,
+    Peers(peers::Size),
+    Help,
+}
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let task = match parse(&arguments) {
+        Ok(task) => task,
+        Err(error) => {
+            eprintln!("xtask: {error}\n\n{HELP}");
+            return ExitCode::from(2);
+        }
+    };
+    let outcome = match task {
+        Task::Test => steps::test(),
+        Task::Peers(size) => peers::compare(size),
+        Task::Help => {
+            print!("{HELP}");
+            Ok(())
+        }
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("xtask: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn parse(arguments: &[String]) -> Result<Task> {
+    if arguments.iter().any(|argument| argument == "--help" || argument == "-h") {
+        return Ok(Task::Help);
+    }
+    let (command, options) = arguments.split_first().ok_or("a command is missing")?;
+    match (command.as_str(), options) {
+        ("test", []) => Ok(Task::Test),
+        ("help", []) => Ok(Task::Help),
+        ("peers", options) => peers::Size::parse(options).map(Task::Peers),
+        ("test" | "help", [surplus, ..]) => Err(format!("'{surplus}' is not understood")),
+        (unknown, _) => Err(format!("'{unknown}' is not a command")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parsed(line: &str) -> Result<Task> {
+        parse(&line.split_whitespace().map(str::to_owned).collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn commands_are_understood() {
+        assert_eq!(parsed("test"), Ok(Task::Test));
+        assert_eq!(parsed("help"), Ok(Task::Help));
+        assert_eq!(parsed("test --help"), Ok(Task::Help));
+        assert_eq!(parsed("peers"), Ok(Task::Peers(peers::Size::FULL)));
+        let size = peers::Size { width: 64, height: 368, frames: 12 };
+        assert_eq!(parsed("peers --width 64 --frames 12"), Ok(Task::Peers(size)));
+    }
+
+    #[test]
+    fn what_is_not_understood_is_named() {
+        let cases = [
+            ("", "missing"),
+            ("tset", "'tset'"),
+            ("test now", "'now'"),
+            ("peers --widht 3", "'--widht'"),
+        ];
+        let numbers =
+            [("peers --width", "--width"), ("peers --width 0", "'0'"), ("peers --frames x", "'x'")];
+        for (line, named) in cases.into_iter().chain(numbers) {
+            let error = parsed(line).unwrap_err();
+            assert!(error.contains(named), "{line}: {error}");
+        }
+    }
+}

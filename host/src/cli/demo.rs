@@ -1,8 +1,17 @@
 //! `phasewalk demo`.
 
-use super::Common;
-use crate::error::Result;
-use std::path::PathBuf;
+use super::{Common, list, megabytes, print};
+use crate::demo::errors::{aligned, csv, table};
+use crate::demo::page::{self, Figures};
+use crate::demo::{ErrorRow, SceneResult, Setup, error_rows, figures};
+use crate::error::{Error, Result};
+use crate::io::write_atomic;
+use crate::progress;
+use serde_json::json;
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 /// Options of `demo`.
 #[derive(Debug, clap::Args)]
@@ -10,8 +19,164 @@ pub(super) struct Arguments {
     /// Folder for the figures and the report
     #[arg(long, value_name = "DIR", default_value = "phasewalk-demo")]
     out: PathBuf,
+    /// Seed of the random numbers: another one is another experiment
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
 }
 
-pub(super) fn run(_arguments: &Arguments, _common: &Common) -> Result<()> {
+pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
+    let start = Instant::now();
+    let folder = Folder::prepare(&arguments.out)?;
+    let setup = Setup::small(arguments.seed, common.threads());
+    if !common.json {
+        announce(&setup);
+    }
+    let scenes = setup.sigmas_wavelengths.iter().map(|&sigma| SceneResult::compute(&setup, sigma));
+    let scenes: Vec<SceneResult> = scenes.collect::<Result<_>>()?;
+    let rows = error_rows(&scenes);
+    let files = folder.write(&results(&setup, &scenes, &rows)?)?;
+    let seconds = start.elapsed().as_secs_f64();
+    if common.json {
+        let memory = setup.memory_bytes();
+        let facts = json!({
+            "files": files, "seconds": seconds, "memory_bytes": memory, "errors": rows,
+        });
+        print(&facts.to_string());
+        return Ok(());
+    }
+    print(&aligned(&table(&rows, setup.scene.frames)));
+    print(ABOUT_TABLE);
+    print(&format!("\nwrote {} in {seconds:.1} s", list(&files)));
+    print(&format!("open {}", arguments.out.join(REPORT).display()));
     Ok(())
+}
+
+const REPORT: &str = "report.html";
+
+const ABOUT_TABLE: &str = "\
+  curve: mean over the x, against the truth, over all frames and in the last one
+  image: pixels of the x in the last frame; direct wrapped to -pi..pi, where noise is 1.81";
+
+fn announce(setup: &Setup) {
+    let scene = &setup.scene;
+    print(&format!(
+        "{} scenes of {} frames, {} x {} pixels, {} scatterers; up to {} of memory",
+        setup.sigmas_wavelengths.len(),
+        scene.frames,
+        scene.width,
+        scene.height,
+        scene.pixels() * scene.scatterers_per_pixel,
+        megabytes(setup.memory_bytes())
+    ));
+}
+
+/// Names and contents of all files, the report last.
+fn results(
+    setup: &Setup,
+    scenes: &[SceneResult],
+    rows: &[ErrorRow],
+) -> Result<Vec<(&'static str, Vec<u8>)>> {
+    let explained = &scenes[setup.explained.min(scenes.len() - 1)];
+    let figures = Figures {
+        method: figures::method(explained),
+        phase_images: figures::phase_images(setup, scenes),
+        curves: figures::curves(scenes),
+    };
+    Ok(vec![
+        ("phase-images.png", figures.phase_images.png()?),
+        ("curves.png", figures.curves.png()?),
+        ("curves.svg", figures.curves.svg()?.into_bytes()),
+        ("method.png", figures.method.png()?),
+        ("method.svg", figures.method.svg()?.into_bytes()),
+        ("errors.csv", csv(rows)?),
+        (REPORT, page::html(setup, scenes, rows, &figures)?.into_bytes()),
+    ])
+}
+
+/// Where the results go; a folder made for them disappears again when there are none.
+struct Folder<'a> {
+    path: &'a Path,
+    is_new: bool,
+}
+
+impl<'a> Folder<'a> {
+    /// Make the folder, or see that it takes files, before anything is computed.
+    fn prepare(path: &'a Path) -> Result<Self> {
+        let is_new = match fs::create_dir(path) {
+            Ok(()) => true,
+            Err(_) if path.is_dir() => false,
+            Err(error) => return Err(refused(path, &error)),
+        };
+        let folder = Self { path, is_new };
+        tempfile::tempfile_in(path).map_err(|error| refused(path, &error))?;
+        Ok(folder)
+    }
+
+    /// Write the files; their paths are returned.
+    fn write(&self, files: &[(&str, Vec<u8>)]) -> Result<Vec<PathBuf>> {
+        progress::check()?;
+        let write = |(name, bytes): &(&str, Vec<u8>)| {
+            let path = self.path.join(name);
+            write_atomic(&path, bytes).map(|()| path)
+        };
+        files.iter().map(write).collect()
+    }
+}
+
+impl Drop for Folder<'_> {
+    fn drop(&mut self) {
+        if self.is_new {
+            // Only an empty folder is removed; with results in it this does nothing.
+            let _ = fs::remove_dir(self.path);
+        }
+    }
+}
+
+fn refused(path: &Path, error: &std::io::Error) -> Error {
+    let name = path.display();
+    Error::failed(match error.kind() {
+        ErrorKind::AlreadyExists | ErrorKind::NotADirectory => {
+            format!("--out {name}: is a file, or lies below one; give the name of a folder")
+        }
+        ErrorKind::NotFound => {
+            format!("--out {name}: the folder above it does not exist; make it or choose another")
+        }
+        ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
+            format!("--out {name}: no permission to write there; choose another folder")
+        }
+        _ => format!("--out {name}: cannot be written to: {error}"),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_unused_folder_disappears() {
+        let above = tempfile::tempdir().unwrap();
+        let path = above.path().join("demo");
+        drop(Folder::prepare(&path).unwrap());
+        assert!(!path.exists());
+        let folder = Folder::prepare(&path).unwrap();
+        folder.write(&[("a", vec![1])]).unwrap();
+        drop(folder);
+        assert!(path.join("a").is_file());
+        drop(Folder::prepare(&path).unwrap());
+        assert!(path.join("a").is_file());
+    }
+
+    #[test]
+    fn a_file_and_a_missing_folder_are_refused() {
+        let above = tempfile::tempdir().unwrap();
+        let file = above.path().join("file");
+        fs::write(&file, b"mine").unwrap();
+        for (path, expected) in
+            [(file.clone(), "is a file"), (file.join("x"), "is a file"), (above.path().join("a/b"), "does not exist")]
+        {
+            let error = Folder::prepare(&path).err().unwrap().to_string();
+            assert!(error.contains(expected), "{error}");
+        }
+        assert_eq!(fs::read(&file).unwrap(), b"mine");
+    }
 }

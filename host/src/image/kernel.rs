@@ -24,7 +24,7 @@ impl Kernel {
     /// When sigma is not above 0 or as wide as the image.
     pub fn new(sigma_px: f64, height: usize, width: usize, double: bool) -> Result<Self> {
         let side = height.min(width);
-        if !(sigma_px > 0.0) || !sigma_px.is_finite() {
+        if sigma_px.is_nan() || sigma_px <= 0.0 || sigma_px.is_infinite() {
             return Err(Error::usage(format!("--gaussian {sigma_px}: must be above 0 pixels")));
         }
         if sigma_px >= side as f64 {

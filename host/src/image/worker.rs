@@ -1,0 +1,247 @@
+//! One thread's way through the strips: load, filter pair by pair, solve, report.
+
+use super::filter::{Pair, Passes};
+use super::phase::{Sample, Workspace};
+use super::strip::{self, Layout, Source};
+use super::{Run, StripResult};
+use crate::error::Result;
+use crate::io::Shape;
+use crate::lanes::Lanes;
+use crate::series::Survey;
+use num_complex::{Complex, Complex32};
+use phasewalk_core::ensemble::PairMean;
+use phasewalk_core::weights::{Weighting, Weights};
+use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// One thread: strips until there are none left.
+#[inline(always)]
+pub(super) fn work<L: Lanes>(run: &Run<'_>, next: &AtomicUsize) -> Result<()> {
+    let height = run.job.series.shape().height;
+    let mut worker = Worker::<L>::new(run);
+    loop {
+        let first_row = next.fetch_add(1, Ordering::Relaxed).saturating_mul(run.rows);
+        if first_row >= height {
+            return Ok(());
+        }
+        let rows = first_row..(first_row + run.rows).min(height);
+        worker.load(run, rows.clone())?;
+        worker.filter_powers(run, rows.len());
+        if run.job.needs_phasor() {
+            worker.filter_pairs::<4>(run, rows.len())?;
+        } else {
+            worker.filter_pairs::<2>(run, rows.len())?;
+        }
+        worker.solve(run, rows.len());
+        worker.report(run, rows)?;
+    }
+}
+
+/// Buffers of one thread, allocated once.
+struct Worker<L> {
+    layout: Layout,
+    pairs: Vec<(usize, usize)>,
+    depths: Vec<usize>,
+    weights: Weights,
+    buffer: Vec<Complex32>,
+    /// (frame, depth, row, vector).
+    fields: Vec<Complex<L>>,
+    passes: Passes<L>,
+    /// <C(t,0)>, (frame, row, vector).
+    powers: Vec<L>,
+    /// (row, vector, pair).
+    samples: Vec<Sample<L>>,
+    /// (row, vector, pair), |gamma|^2.
+    coherences: Vec<L>,
+    workspace: Workspace<L>,
+    /// (time, row, x).
+    phases: Vec<f32>,
+    sigmas: Vec<f32>,
+}
+
+impl<L: Lanes> Worker<L> {
+    fn new(run: &Run<'_>) -> Self {
+        let job = run.job;
+        let Shape { frames, width, .. } = job.series.shape();
+        let layout = Layout::new(width, L::WIDTH, run.kernel.radius());
+        let pairs = job.plan.pairs();
+        let depths = job.plan.depths.all();
+        let places = run.rows * layout.blocks;
+        let tall = (run.rows + 2 * layout.halo) * layout.blocks;
+        let zero = Complex { re: L::zero(), im: L::zero() };
+        let nothing = Sample { phase: L::zero(), weight: L::zero() };
+        let when = |wanted: bool, count: usize| if wanted { count } else { 0 };
+        Self {
+            weights: job.plan.weights(job.looks),
+            buffer: Vec::new(),
+            fields: vec![zero; frames * depths.len() * tall],
+            passes: Passes::new(&layout, run.rows, &run.kernel.half),
+            powers: vec![L::zero(); when(job.needs_coherence(), frames * places)],
+            samples: vec![nothing; pairs.len() * places],
+            coherences: vec![L::zero(); when(job.keeps_coherence(), pairs.len() * places)],
+            workspace: Workspace::new(job.plan, job.keeps_coherence()),
+            phases: vec![0.0; frames * run.rows * width],
+            sigmas: vec![0.0; when(job.keeps_coherence(), frames * run.rows * width)],
+            layout,
+            pairs,
+            depths,
+        }
+    }
+
+    #[inline(always)]
+    fn load(&mut self, run: &Run<'_>, rows: Range<usize>) -> Result<()> {
+        let Survey { valid, scale, .. } = run.job.survey;
+        let source = Source { depths: &self.depths, valid, scale: *scale };
+        let tall = (rows.len() + 2 * self.layout.halo) * self.layout.blocks;
+        let all = run.job.series.shape().frames * self.depths.len() * tall;
+        strip::load(
+            run.job.series,
+            &source,
+            &self.layout,
+            rows,
+            &mut self.buffer,
+            &mut self.fields[..all],
+        )
+    }
+
+    /// <C(t,0)> of all frames, where needed.
+    #[inline(always)]
+    fn filter_powers(&mut self, run: &Run<'_>, rows: usize) {
+        if !run.job.needs_coherence() {
+            return;
+        }
+        let Self { layout, depths, fields, passes, powers, .. } = self;
+        let places = rows * layout.blocks;
+        let frame_size = depths.len() * (rows + 2 * layout.halo) * layout.blocks;
+        let in_first = run.job.plan.depths.in_first();
+        for (field, power) in fields.chunks_exact(frame_size).zip(powers.chunks_exact_mut(places)) {
+            let pair = Pair { earlier: field, later: field, in_first, depths: depths.len() };
+            passes.run::<2>(layout, rows, pair, |row, vector, [re, _]| {
+                power[row * layout.blocks + vector] = re;
+            });
+        }
+    }
+
+    /// Phase and weight of all pairs.
+    #[inline(always)]
+    fn filter_pairs<const CH: usize>(&mut self, run: &Run<'_>, rows: usize) -> Result<()> {
+        let Self {
+            layout,
+            pairs,
+            depths,
+            weights,
+            fields,
+            passes,
+            powers,
+            samples,
+            coherences,
+            ..
+        } = self;
+        let (blocks, count) = (layout.blocks, pairs.len());
+        let frame_size = depths.len() * (rows + 2 * layout.halo) * blocks;
+        let in_first = run.job.plan.depths.in_first();
+        let (coherent, keeps) = (run.job.needs_coherence(), run.job.keeps_coherence());
+        let mut frames_begun = 0;
+        for (index, &(t, s)) in pairs.iter().enumerate() {
+            let pair = Pair {
+                earlier: &fields[t * frame_size..][..frame_size],
+                later: &fields[s * frame_size..][..frame_size],
+                in_first,
+                depths: depths.len(),
+            };
+            passes.run::<CH>(layout, rows, pair, |row, vector, means: [L; CH]| {
+                let place = row * blocks + vector;
+                let cross = Complex { re: means[0], im: means[1] };
+                let coherence = if coherent {
+                    let power = |frame: usize| powers[frame * rows * blocks + place];
+                    coherence_squared(cross, power(t) * power(s))
+                } else {
+                    L::zero()
+                };
+                let weight = match weights.weighting() {
+                    Weighting::Paper if CH == 4 => {
+                        weights.paper(Complex { re: means[CH - 2], im: means[CH - 1] })
+                    }
+                    Weighting::Paper => L::one(),
+                    Weighting::Fisher => weights.fisher(coherence),
+                };
+                samples[place * count + index] = Sample { phase: cross.im.atan2(cross.re), weight };
+                if keeps {
+                    coherences[place * count + index] = coherence;
+                }
+            });
+            let begun = frames_of_progress(index + 1, count, run.job.plan.frames());
+            run.progress.advance(begun - frames_begun)?;
+            frames_begun = begun;
+        }
+        Ok(())
+    }
+
+    /// All vectors of the strip.
+    #[inline(always)]
+    fn solve(&mut self, run: &Run<'_>, rows: usize) {
+        let (blocks, count) = (self.layout.blocks, self.pairs.len());
+        for place in 0..rows * blocks {
+            let samples = &self.samples[place * count..][..count];
+            self.workspace.solve(run.job.plan, samples);
+            if run.job.keeps_coherence() {
+                let coherences = &self.coherences[place * count..][..count];
+                let looks = run.job.effective_looks;
+                self.workspace.find_sigmas(run.job.plan, &self.pairs, samples, coherences, looks);
+                let (row, vector) = (place / blocks, place % blocks);
+                unload(&self.layout, &self.workspace.sigmas, row, vector, rows, &mut self.sigmas);
+            }
+            let (row, vector) = (place / blocks, place % blocks);
+            unload(&self.layout, &self.workspace.phases, row, vector, rows, &mut self.phases);
+        }
+    }
+
+    /// Hand the strip over, NaN where the pixel is not usable.
+    fn report(&mut self, run: &Run<'_>, rows: Range<usize>) -> Result<()> {
+        let Shape { frames, width, .. } = run.job.series.shape();
+        let valid = &run.job.survey.valid[rows.start * width..rows.end * width];
+        let size = frames * valid.len();
+        for results in [&mut self.phases, &mut self.sigmas] {
+            for frame in results.chunks_exact_mut(valid.len()).take(frames) {
+                for (value, _) in frame.iter_mut().zip(valid).filter(|(_, valid)| !**valid) {
+                    *value = f32::NAN;
+                }
+            }
+        }
+        let sigmas = run.job.keeps_coherence().then(|| &self.sigmas[..size]);
+        let phases = &self.phases[..size];
+        (run.each)(StripResult { first_row: rows.start, phases, sigmas, valid })
+    }
+}
+
+/// |gamma|^2 = |<C>|^2 / (<C(t,0)> <C(t+dt,0)>), as `PairMean::coherence_squared` has it.
+#[inline(always)]
+fn coherence_squared<L: Lanes>(cross: Complex<L>, power: L) -> L {
+    let phasor = Complex { re: L::zero(), im: L::zero() };
+    PairMean { cross, phasor, power }.coherence_squared()
+}
+
+/// Progress is told in frames: `done` of `pairs` pairs stand for so many of `frames`.
+fn frames_of_progress(done: usize, pairs: usize, frames: usize) -> u64 {
+    (done * frames / pairs.max(1)) as u64
+}
+
+/// Copy one vector's results, (time), to its columns of (time, row, x).
+#[inline(always)]
+fn unload<L: Lanes>(
+    layout: &Layout,
+    values: &[L],
+    row: usize,
+    vector: usize,
+    rows: usize,
+    results: &mut [f32],
+) {
+    for (value, frame) in values.iter().zip(results.chunks_exact_mut(rows * layout.width)) {
+        let line = &mut frame[row * layout.width..][..layout.width];
+        for (lane, &number) in L::flat(std::slice::from_ref(value)).iter().enumerate() {
+            if let Some(place) = line.get_mut(lane * layout.blocks + vector) {
+                *place = number.into() as f32;
+            }
+        }
+    }
+}
