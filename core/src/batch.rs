@@ -4,7 +4,8 @@ use crate::params::Params;
 use crate::reference::subtract_reference;
 use crate::regularize::add_differences;
 use crate::scalar::Scalar;
-use crate::solver::{Node, Solver};
+use crate::solver::Solver;
+use crate::storage::{Link, Node};
 use crate::unwrap::Unwrapper;
 
 /// Phases of a series against the mean of its reference frames (paper lines 850-948), radians.
@@ -23,7 +24,7 @@ pub fn solve_series<T, A, B>(
     measured: &mut [T],
 ) where
     T: Scalar,
-    A: AsRef<[T]> + AsMut<[T]>,
+    A: AsRef<[Link<T>]> + AsMut<[Link<T>]>,
     B: AsRef<[Node<T>]> + AsMut<[Node<T>]>,
 {
     let frames = times.len();

@@ -45,6 +45,7 @@ pub mod reference;
 pub mod regularize;
 pub mod scalar;
 pub mod solver;
+pub mod storage;
 pub mod unwrap;
 pub mod variance;
 pub mod walk;

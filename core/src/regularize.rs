@@ -11,7 +11,8 @@
 
 use crate::params::{Difference, Params};
 use crate::scalar::Scalar;
-use crate::solver::{Node, Solver};
+use crate::solver::Solver;
+use crate::storage::{Link, Node};
 
 /// The links (frames back from the newest, dt, conductance) of mu_2^2 |Gamma_2 phi|^2 for the one
 /// difference that ends at the newest frame.
@@ -47,7 +48,7 @@ pub fn difference_links(params: &Params, times: &[f64], interval: f64) -> [(usiz
 pub fn add_differences<T, A, B>(solver: &mut Solver<T, A, B>, params: &Params, times: &[f64])
 where
     T: Scalar,
-    A: AsRef<[T]> + AsMut<[T]>,
+    A: AsRef<[Link<T>]> + AsMut<[Link<T>]>,
     B: AsRef<[Node<T>]> + AsMut<[Node<T>]>,
 {
     for (t, dt, conductance) in batch_links(params, times) {

@@ -6,11 +6,17 @@
 //! phi_g = 0,
 //!
 //! with c = unwrapped arg <C(t,dt)>. The normal matrix S^T W^2 S + mu_2^2 Gamma_2^T Gamma_2 is that of an
-//! electrical network: each pair is a link of conductance a = w^2 between the nodes t and t+dt,
-//! the gauge frame g is ground, and every row sums to the conductance to ground. Eliminating a
-//! node (one column of an LDL^T factorisation) joins its neighbours by new links: conductances are
-//! only ever added, and the pivot is the *sum* of a node's links instead of a difference of large
-//! numbers (Grassmann, Taksar & Heyman 1985). So `f32` is enough, whatever the strength of mu_1.
+//! electrical network: each pair is a link of conductance a = w^2 and source c between the nodes t
+//! and t+dt, and the gauge frame g is ground. Eliminating a node (one column of an LDL^T
+//! factorisation) joins its neighbours by new links. Two things make this good in `f32`:
+//!
+//! - Conductances are only ever added, and a pivot is the *sum* of a node's links instead of a
+//!   difference of large numbers (Grassmann, Taksar & Heyman 1985).
+//! - The right-hand side stays with the links (a and f = a c) instead of being summed at the nodes,
+//!   where frames that strong links tie together would have to cancel to the last digit before
+//!   the weak links between them and the rest are heard.
+//!
+//! So errors stay near the rounding of the phases themselves, whatever the weights and mu_1.
 //!
 //! When frame n arrives it is linked to the frames n-L ... n-1. Frame n-L receives nothing more
 //! afterwards and is eliminated: O(L^2) work, and O(L^2) memory if `ROWS` is L + 1. The newest phase
@@ -20,89 +26,28 @@
 
 use crate::reference::reference_mean;
 use crate::scalar::Scalar;
+use crate::storage::{Link, Matrix, Node};
 use core::marker::PhantomData;
-
-/// What the network knows of one frame, beside its links.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Node<T> {
-    /// Right-hand side (S^T W^2 c)_t.
-    pub(crate) rhs: T,
-    /// Conductance to the gauge frame, once that has been eliminated.
-    pub(crate) ground: T,
-    /// Sum of all links when it was eliminated; 0 for the gauge frame.
-    pub(crate) pivot: T,
-    /// Coefficient of phi_t in the sum of the reference frames' phases.
-    pub(crate) reference: T,
-    /// 1 if a pair with weight above 0 has touched the frame.
-    pub(crate) measured: T,
-}
-
-impl<T: Scalar> Node<T> {
-    /// A frame without links.
-    #[inline(always)]
-    #[must_use]
-    pub fn new() -> Self {
-        let zero = T::zero();
-        Self { rhs: zero, ground: zero, pivot: zero, reference: zero, measured: zero }
-    }
-}
-
-impl<T: Scalar> Default for Node<T> {
-    fn default() -> Self {
-        Self::new()
-    }
-}
 
 /// A frame at the moment of its elimination.
 pub(crate) struct Eliminated<'a, T> {
-    /// Conductances of its links to the frames after it.
-    pub(crate) links: &'a [T],
+    /// Its links to the frames after it.
+    pub(crate) links: &'a [Link<T>],
     /// Their sum with the conductance to ground; 0 for the gauge frame.
     pub(crate) pivot: T,
     /// Coefficient of its phase in the sum of the reference frames' phases.
     pub(crate) reference: T,
 }
 
-/// `ROWS` rows of `LAGS` numbers that count as one slice.
-#[derive(Clone, Copy, Debug)]
-pub struct Matrix<T, const ROWS: usize, const LAGS: usize>([[T; LAGS]; ROWS]);
-
-impl<T: Copy, const ROWS: usize, const LAGS: usize> Matrix<T, ROWS, LAGS> {
-    /// The same number everywhere.
-    pub(crate) const fn filled(value: T) -> Self {
-        Self([[value; LAGS]; ROWS])
-    }
-
-    pub(crate) fn row(&self, row: usize) -> Option<&[T; LAGS]> {
-        self.0.get(row)
-    }
-
-    pub(crate) fn row_mut(&mut self, row: usize) -> Option<&mut [T; LAGS]> {
-        self.0.get_mut(row)
-    }
-}
-
-impl<T, const ROWS: usize, const LAGS: usize> AsRef<[T]> for Matrix<T, ROWS, LAGS> {
-    fn as_ref(&self) -> &[T] {
-        self.0.as_flattened()
-    }
-}
-
-impl<T, const ROWS: usize, const LAGS: usize> AsMut<[T]> for Matrix<T, ROWS, LAGS> {
-    fn as_mut(&mut self) -> &mut [T] {
-        self.0.as_flattened_mut()
-    }
-}
-
 /// Solver in fixed-size buffers: `ROWS` frames of history, of which at least `LAGS` + 1 are needed.
 pub type FixedSolver<T, const ROWS: usize, const LAGS: usize> =
-    Solver<T, Matrix<T, ROWS, LAGS>, [Node<T>; ROWS]>;
+    Solver<T, Matrix<Link<T>, ROWS, LAGS>, [Node<T>; ROWS]>;
 
 /// The network of the last frames. `A` holds `rows` x `lags` links, `B` holds `rows` nodes: arrays on a
 /// microcontroller, vectors on the desktop.
 #[derive(Clone, Copy, Debug)]
 pub struct Solver<T, A, B> {
-    /// Row of frame t: the conductances of its links to t+1 ... t+lags.
+    /// Row of frame t: its links to t+1 ... t+lags.
     links: A,
     nodes: B,
     rows: usize,
@@ -125,7 +70,7 @@ impl<T: Scalar, const ROWS: usize, const LAGS: usize> FixedSolver<T, ROWS, LAGS>
     #[must_use]
     pub fn new(lags: usize, gauge: usize, reference_frames: usize) -> Self {
         const { assert!(ROWS > LAGS && LAGS > 0, "history must be longer than the largest lag") };
-        let links = Matrix::filled(T::zero());
+        let links = Matrix::filled(Link::new());
         Self::with_storage(links, [Node::new(); ROWS], lags.clamp(1, LAGS), gauge, reference_frames)
     }
 }
@@ -133,7 +78,7 @@ impl<T: Scalar, const ROWS: usize, const LAGS: usize> FixedSolver<T, ROWS, LAGS>
 impl<T, A, B> Solver<T, A, B>
 where
     T: Scalar,
-    A: AsRef<[T]> + AsMut<[T]>,
+    A: AsRef<[Link<T>]> + AsMut<[Link<T>]>,
     B: AsRef<[Node<T>]> + AsMut<[Node<T>]>,
 {
     /// A solver in the caller's buffers: rows = number of nodes = the frames of history kept.
@@ -190,7 +135,7 @@ where
     pub fn begin_batch(&mut self, frames: usize) {
         self.clear();
         self.frames = frames.min(self.rows);
-        self.links.as_mut().fill(T::zero());
+        self.links.as_mut().fill(Link::new());
         self.nodes.as_mut().fill(Node::new());
     }
 
@@ -210,7 +155,7 @@ where
         let lags = self.lags;
         self.frames += 1;
         if let Some(row) = self.links.as_mut().get_mut(slot * lags..(slot + 1) * lags) {
-            row.fill(T::zero());
+            row.fill(Link::new());
         }
         if let Some(node) = self.nodes.as_mut().get_mut(slot) {
             *node = Node::new();
@@ -221,14 +166,13 @@ where
     /// Both frames must have begun and neither be eliminated; other pairs change nothing.
     #[inline(always)]
     pub fn add_pair(&mut self, t: usize, dt: usize, phase: T, weight: T) {
-        let conductance = weight * weight;
         let Some(link) = self.link_mut(t, dt) else { return };
-        *link += conductance;
+        let conductance = weight * weight;
+        link.conductance += conductance;
+        link.flux = conductance.mul_add(phase, link.flux);
         let seen = T::zero().lt(weight);
-        let current = conductance * phase;
-        for (frame, current) in [(t, current), (t + dt, -current)] {
+        for frame in [t, t + dt] {
             let Some(node) = self.node_mut(frame) else { return };
-            node.rhs += current;
             node.measured = T::select(seen, T::one(), node.measured);
         }
     }
@@ -237,7 +181,7 @@ where
     #[inline(always)]
     pub fn add_prior(&mut self, t: usize, dt: usize, conductance: T) {
         if let Some(link) = self.link_mut(t, dt) {
-            *link += conductance;
+            link.conductance += conductance;
         }
     }
 
@@ -266,7 +210,7 @@ where
         for t in (first..self.frames).rev() {
             let (Some(row), Some(node)) = (self.row(t), self.node(t)) else { return };
             let later = phases.get(t - first + 1..self.frames - first).unwrap_or(&[]);
-            let current = sum_of_products(row, later, node.rhs);
+            let current = current(row, later, node.ground.flux);
             if let Some(phase) = phases.get_mut(t - first) {
                 *phase = divide_by_pivot(current, node.pivot);
             }
@@ -298,7 +242,7 @@ where
         let Some(node) = self.frames.checked_sub(1).and_then(|last| self.node(last)) else {
             return T::zero();
         };
-        let newest = divide_by_pivot(node.rhs, node.pivot);
+        let newest = divide_by_pivot(node.ground.flux, node.pivot);
         newest - reference_mean(self.reference_sum, self.reference_count)
     }
 
@@ -314,15 +258,15 @@ where
                 return;
             };
             let potential = divide_by_pivot(value, node.pivot);
-            for (&a, value) in row.iter().zip(later) {
-                *value = a.mul_add(potential, *value);
+            for (link, value) in row.iter().zip(later) {
+                *value = link.conductance.mul_add(potential, *value);
             }
         }
         for t in (0..self.frames).rev() {
             let (Some(row), Some(node)) = (self.row(t), self.node(t)) else { return };
             let later = values.get(t + 1..).unwrap_or(&[]);
             let start = values.get(t).copied().unwrap_or(T::zero());
-            let sum = sum_of_products(row, later, start);
+            let sum = conducted(row, later, start);
             if let Some(value) = values.get_mut(t) {
                 *value = divide_by_pivot(sum, node.pivot);
             }
@@ -347,7 +291,7 @@ where
 
     /// Links of frame t to t+1, t+2, ...; after elimination those it had then.
     #[inline(always)]
-    pub(crate) fn row(&self, t: usize) -> Option<&[T]> {
+    pub(crate) fn row(&self, t: usize) -> Option<&[Link<T>]> {
         let slot = self.slot(t);
         self.links.as_ref().get(slot * self.lags..(slot + 1) * self.lags)
     }
@@ -364,7 +308,7 @@ where
     }
 
     #[inline(always)]
-    fn link_mut(&mut self, t: usize, dt: usize) -> Option<&mut T> {
+    fn link_mut(&mut self, t: usize, dt: usize) -> Option<&mut Link<T>> {
         if t < self.eliminated || dt == 0 || dt > self.lags || t + dt >= self.frames {
             return None;
         }
@@ -404,26 +348,29 @@ where
         let (rows, lags) = (self.rows.max(1), self.lags);
         let slot = self.slot(t);
         let row = self.links.as_ref().get(slot * lags..slot * lags + reach).unwrap_or(&[]);
-        for (dt, &a) in (1..).zip(row) {
+        for (dt, link) in (1..).zip(row) {
             if let Some(node) = self.nodes.as_mut().get_mut((t + dt) % rows) {
-                node.ground += a;
+                node.ground.conductance += link.conductance;
+                node.ground.flux = node.ground.flux - link.flux;
             }
         }
     }
 
-    /// Star-mesh transformation: neighbours j, k of t gain the link a_tj a_tk / p_t.
+    /// Star-mesh transformation: the neighbours j, k of t gain a link of conductance a_j a_k / p and
+    /// source c_k - c_j, that is of flux (a_j f_k - f_j a_k) / p.
     #[inline(always)]
     fn join_neighbours(&mut self, t: usize, reach: usize, node: Node<T>) {
         let (rows, lags) = (self.rows.max(1), self.lags);
         let slot = self.slot(t);
         let own = slot * lags..slot * lags + reach;
         let row = self.links.as_ref().get(own.clone()).unwrap_or(&[]);
-        let mut pivot = node.ground;
-        for &a in row {
-            pivot += a;
+        let Link { conductance: mut pivot, flux: mut outflow } = node.ground;
+        for link in row {
+            pivot += link.conductance;
+            outflow += link.flux;
         }
         let inverse = T::one() / pivot;
-        self.reference_sum += node.reference * node.rhs * inverse;
+        self.reference_sum += node.reference * outflow * inverse;
         if let Some(node) = self.nodes.as_mut().get_mut(slot) {
             node.pivot = pivot;
         }
@@ -434,30 +381,49 @@ where
             else {
                 return;
             };
-            let Some((&mut a, farther)) = row.get_mut(dt - 1..).and_then(<[T]>::split_first_mut)
+            let Some((&mut link, farther)) = row.get_mut(dt - 1..).and_then(<[_]>::split_first_mut)
             else {
                 return;
             };
-            let share = a * inverse;
-            for (link, &a) in other.iter_mut().zip(farther.iter()) {
-                *link = share.mul_add(a, *link);
+            let (share, pull) = (link.conductance * inverse, -(link.flux * inverse));
+            for (joined, link) in other.iter_mut().zip(farther.iter()) {
+                *joined = join(*joined, *link, share, pull);
             }
             if let Some(neighbour) = self.nodes.as_mut().get_mut(slot) {
-                neighbour.rhs = share.mul_add(node.rhs, neighbour.rhs);
-                neighbour.ground = share.mul_add(node.ground, neighbour.ground);
+                neighbour.ground = join(neighbour.ground, node.ground, share, pull);
                 neighbour.reference = share.mul_add(node.reference, neighbour.reference);
             }
         }
     }
 }
 
-/// `start` plus the sum of a_i x_i. Loops rather than closures wherever lanes pass: a closure cannot be
-/// told to be inlined, and outside its caller it is compiled without the vector instructions.
+/// `joined` with what the eliminated node's `link` adds: a_j / p and -f_j / p times its a_k, f_k.
 #[inline(always)]
-fn sum_of_products<T: Scalar>(a: &[T], x: &[T], start: T) -> T {
+fn join<T: Scalar>(joined: Link<T>, link: Link<T>, share: T, pull: T) -> Link<T> {
+    Link {
+        conductance: share.mul_add(link.conductance, joined.conductance),
+        flux: share.mul_add(link.flux, pull.mul_add(link.conductance, joined.flux)),
+    }
+}
+
+/// `start` plus the sum of a phi + f over the links: what a frame's phase is the quotient of. Loops
+/// rather than closures wherever lanes pass: a closure cannot be told to be inlined, and outside
+/// its caller it is compiled without the vector instructions.
+#[inline(always)]
+fn current<T: Scalar>(links: &[Link<T>], later: &[T], start: T) -> T {
     let mut sum = start;
-    for (&a, &x) in a.iter().zip(x) {
-        sum = a.mul_add(x, sum);
+    for (link, &phase) in links.iter().zip(later) {
+        sum += link.conductance.mul_add(phase, link.flux);
+    }
+    sum
+}
+
+/// The same without sources.
+#[inline(always)]
+fn conducted<T: Scalar>(links: &[Link<T>], later: &[T], start: T) -> T {
+    let mut sum = start;
+    for (link, &value) in links.iter().zip(later) {
+        sum = link.conductance.mul_add(value, sum);
     }
     sum
 }

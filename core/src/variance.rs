@@ -17,7 +17,8 @@
 //! (1/mu_2)^2 = (1000 rad)^2: a frame that nothing but Gamma_2 holds reports hundreds of radians.
 
 use crate::scalar::Scalar;
-use crate::solver::{Eliminated, Matrix, Node, Solver, divide_by_pivot};
+use crate::solver::{Eliminated, Solver, divide_by_pivot};
+use crate::storage::{Link, Matrix, Node};
 
 /// Variance of one frame's phase in a finished batch solution, rad^2.
 ///
@@ -35,7 +36,7 @@ pub fn phase_variance<T, A, B>(
 ) -> T
 where
     T: Scalar,
-    A: AsRef<[T]> + AsMut<[T]>,
+    A: AsRef<[Link<T>]> + AsMut<[Link<T>]>,
     B: AsRef<[Node<T>]> + AsMut<[Node<T>]>,
 {
     let mut count = T::zero();
@@ -131,13 +132,13 @@ impl<T: Scalar, const ROWS: usize, const LAGS: usize> NoiseStream<T, ROWS, LAGS>
         let Some(&row) = self.links.row(t % ROWS) else { return };
         let Some(node) = self.nodes.get_mut(t % ROWS) else { return };
         let in_reference = divide_by_pivot(done.reference, done.pivot);
-        let share = |a: T| divide_by_pivot(a, done.pivot);
+        let share = |link: &Link<T>| divide_by_pivot(link.conductance, done.pivot);
         let before = *node;
         node.with_reference = in_reference.mul_add(before.own, before.with_reference);
         let with_reference = node.with_reference;
         self.reference_variance += in_reference * (before.with_reference + with_reference);
-        for (i, (&a, &k)) in done.links.iter().zip(&row).enumerate() {
-            let s = share(a);
+        for (i, (link, &k)) in done.links.iter().zip(&row).enumerate() {
+            let s = share(link);
             // Covariance of frame t+i+1 with b_t, after its own share has been added.
             let shared = s.mul_add(before.own, k);
             if let Some(other) = self.nodes.get_mut((t + i + 1) % ROWS) {
@@ -146,8 +147,8 @@ impl<T: Scalar, const ROWS: usize, const LAGS: usize> NoiseStream<T, ROWS, LAGS>
             }
             let farther = done.links.iter().zip(&row).skip(i + 1);
             let Some(links) = self.links.row_mut((t + i + 1) % ROWS) else { return };
-            for (link, (&a, &k)) in links.iter_mut().zip(farther) {
-                *link += share(a).mul_add(shared, s * k);
+            for (noise, (link, &k)) in links.iter_mut().zip(farther) {
+                *noise += share(link).mul_add(shared, s * k);
             }
         }
     }
@@ -156,7 +157,7 @@ impl<T: Scalar, const ROWS: usize, const LAGS: usize> NoiseStream<T, ROWS, LAGS>
     /// frames have been eliminated in `solver` and here.
     pub(crate) fn newest_after_finish<A, B>(&self, solver: &Solver<T, A, B>) -> T
     where
-        A: AsRef<[T]> + AsMut<[T]>,
+        A: AsRef<[Link<T>]> + AsMut<[Link<T>]>,
         B: AsRef<[Node<T>]> + AsMut<[Node<T>]>,
     {
         let Some(last) = self.frames.checked_sub(1) else { return T::zero() };

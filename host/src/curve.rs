@@ -15,7 +15,8 @@ use phasewalk_core::ensemble::{Ensemble, PairMean};
 use phasewalk_core::layers::layer_difference;
 use phasewalk_core::reference::subtract_reference;
 use phasewalk_core::regularize::batch_links;
-use phasewalk_core::solver::{Node, Solver};
+use phasewalk_core::solver::Solver;
+use phasewalk_core::storage::{Link, Node};
 use phasewalk_core::variance::phase_variance;
 use phasewalk_core::weights::{debias, pair_variance};
 use rayon::prelude::*;
@@ -206,7 +207,7 @@ impl Estimate<'_> {
         let n0 = plan.params.reference_frames;
         let nodes = vec![Node::new(); frames];
         let mut solver =
-            Solver::with_storage(vec![0.0; frames * lags], nodes, lags, plan.gauge(), n0);
+            Solver::with_storage(vec![Link::new(); frames * lags], nodes, lags, plan.gauge(), n0);
         let weights = plan.weights(self.looks);
         let weight: Vec<f64> = means.iter().map(|mean| weights.weight(mean)).collect();
         let (mut phases, mut measured) = (vec![0.0; frames], vec![0.0; frames]);

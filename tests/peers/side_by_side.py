@@ -80,7 +80,8 @@ def main():
     if options.max_lag:
         method += ["--max-lag", options.max_lag]
     results = [field.with_suffix(".phasewalk.npy"), field.with_suffix(".numpy.npy")]
-    ours = [options.program, "phase", field, *method, "--method", "paper", "-o", results[0]]
+    program = options.program.resolve()
+    ours = [program, "phase", field, *method, "--method", "paper", "-o", results[0]]
     peer = [sys.executable, NUMPY_PHASE, field, *method, "--out", results[1]]
     costs = [measure("phasewalk", ours), measure("NumPy + SciPy", peer)]
     images = [np.load(path, mmap_mode="r") for path in results]

@@ -8,7 +8,8 @@ use phasewalk_core::cross_spectrum::cross_spectrum;
 use phasewalk_core::ensemble::{Ensemble, PairMean};
 use phasewalk_core::params::{Difference, RANDOM_PROBABILITY};
 use phasewalk_core::regularize::batch_links;
-use phasewalk_core::solver::{Node, Solver};
+use phasewalk_core::solver::Solver;
+use phasewalk_core::storage::{Link, Node};
 use phasewalk_core::unwrap::Unwrapper;
 use phasewalk_core::variance::phase_variance;
 use phasewalk_core::walk::{Estimate, Walk};
@@ -94,7 +95,7 @@ impl Batch {
         let means = means::<T>(fields, lags);
         let gauge = params.gauge_frame.min(frames - 1);
         let nodes = vec![Node::new(); frames];
-        let links = vec![T::zero(); frames * lags];
+        let links = vec![Link::new(); frames * lags];
         let mut solver =
             Solver::with_storage(links, nodes, lags, params.gauge_frame, params.reference_frames);
         let (mut phases, mut measured) = (vec![T::zero(); frames], vec![T::zero(); frames]);
@@ -240,7 +241,7 @@ fn solve<T: Scalar>(
     weights: &[T],
 ) -> (Vec<T>, Vec<T>) {
     let (frames, lags) = (times.len(), params.max_lag);
-    let links = vec![T::zero(); frames * lags];
+    let links = vec![Link::new(); frames * lags];
     let mut solver = Solver::with_storage(
         links,
         vec![Node::new(); frames],

@@ -39,7 +39,7 @@ test    Everything a change must pass: formatting, lints, tests, documentation, 
         As root on Debian it installs the packages it lacks; elsewhere it prints the line that
         does. Needs the network for the first run (crates and Python packages).
 peers   Times `phasewalk phase` and the same method in NumPy + SciPy on the paper's scene, one
-        after the other, and compares the images. Full size takes minutes and about 5 GB of memory.
+        after the other, and compares the images. Full size takes minutes and 3 GB of memory.
           --width PX    columns [default: 640]
           --height PX   rows [default: 368]
           --frames N    frames [default: 70]

@@ -53,9 +53,9 @@ pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
 
 const REPORT: &str = "report.html";
 
-const ABOUT_TABLE: &str = "\
-  curve: mean over the x, against the truth, over all frames and in the last one
-  image: pixels of the x in the last frame; direct wrapped to -pi..pi, where noise is 1.81";
+const ABOUT_TABLE: &str =
+    "  curve: mean over the x, against the truth, over all frames and in the last one
+  image: pixels of the x in the last frame, wrapped to -pi..pi (noise: 1.81) and as they are";
 
 fn announce(setup: &Setup) {
     let scene = &setup.scene;
@@ -171,9 +171,11 @@ mod tests {
         let above = tempfile::tempdir().unwrap();
         let file = above.path().join("file");
         fs::write(&file, b"mine").unwrap();
-        for (path, expected) in
-            [(file.clone(), "is a file"), (file.join("x"), "is a file"), (above.path().join("a/b"), "does not exist")]
-        {
+        for (path, expected) in [
+            (file.clone(), "is a file"),
+            (file.join("x"), "is a file"),
+            (above.path().join("a/b"), "does not exist"),
+        ] {
             let error = Folder::prepare(&path).err().unwrap().to_string();
             assert!(error.contains(expected), "{error}");
         }

@@ -1,8 +1,9 @@
 //! How far the results are from the truth.
 //!
-//! The difference of a curve or of a walked image to the truth is taken as it is. An image of direct
-//! differences is known modulo 2π only, so its difference is wrapped into −π..π, which favours it:
-//! phases that are pure noise then have an rms error of π/√3 = 1.81 rad.
+//! The difference of a curve to the truth is taken as it is. An image of direct differences is known
+//! modulo 2π only, so the images are compared wrapped into −π..π: phases that are pure noise then
+//! have an rms error of π/√3 = 1.81 rad. A walk knows more, so its images are also compared as they
+//! are, which counts every wrong turn.
 
 use super::recording::Recording;
 use super::scene::{PhaseCurve, SceneResult};
@@ -20,8 +21,10 @@ pub struct Errors {
     pub curve_rms_rad: f64,
     /// Curve − truth in the last frame.
     pub curve_last_rad: f64,
-    /// Root mean square over the pixels of the x of image − truth in the last frame.
-    pub image_rms_rad: f64,
+    /// Root mean square over the pixels of the x of image − truth in the last frame, wrapped.
+    pub image_wrapped_rms_rad: f64,
+    /// The same, not wrapped; none for the direct difference.
+    pub image_rms_rad: Option<f64>,
 }
 
 /// A line of the table.
@@ -50,15 +53,15 @@ impl Errors {
         let truth = &recording.truth_rad;
         let differences = || curve.phase_rad.iter().zip(truth).map(|(phase, truth)| phase - truth);
         let end = recording.final_truth_rad();
-        let inside = last_image.iter().zip(&recording.mask).filter(|&(_, &inside)| inside);
-        let image = inside.map(|(&phase, _)| match method {
-            Method::Direct => wrapped(f64::from(phase) - end),
-            Method::OneStep | Method::Paper(_) => f64::from(phase) - end,
-        });
+        let image = || {
+            let inside = last_image.iter().zip(&recording.mask).filter(|&(_, &inside)| inside);
+            inside.map(|(&phase, _)| f64::from(phase) - end)
+        };
         Self {
             curve_rms_rad: rms(differences()),
             curve_last_rad: differences().last().unwrap_or(f64::NAN),
-            image_rms_rad: rms(image),
+            image_wrapped_rms_rad: rms(image().map(wrapped)),
+            image_rms_rad: (method != Method::Direct).then(|| rms(image())),
         }
     }
 }
@@ -95,13 +98,17 @@ pub fn error_rows(scenes: &[SceneResult]) -> Vec<ErrorRow> {
 #[must_use]
 pub fn table(rows: &[ErrorRow], frames: usize) -> Table {
     let (truth, last) = (rows.first().map_or(f64::NAN, |row| row.truth_last_rad), frames - 1);
-    let header = ["scene", "method", "curve, rms", "curve, end", "image, rms"];
+    let header = ["", "curve, rms", "curve, end", "image, wrapped", "image, rms"];
+    let number = |value: f64| format!("{value:.2}");
     let cells = |row: &ErrorRow| {
-        let Errors { curve_rms_rad, curve_last_rad, image_rms_rad } = row.errors;
-        let end = format!("{curve_last_rad:+.2}").replace('-', "\u{2212}");
-        let rms = [curve_rms_rad, image_rms_rad].map(|value| format!("{value:.2}"));
-        let [curve, image] = rms;
-        vec![row.scene.clone(), row.method.to_owned(), curve, end, image]
+        let errors = &row.errors;
+        vec![
+            format!("{:<8}  {}", row.scene, row.method),
+            number(errors.curve_rms_rad),
+            format!("{:+.2}", errors.curve_last_rad).replace('-', "\u{2212}"),
+            number(errors.image_wrapped_rms_rad),
+            errors.image_rms_rad.map_or("\u{2013}".to_owned(), number),
+        ]
     };
     Table {
         caption: format!(
@@ -112,7 +119,7 @@ pub fn table(rows: &[ErrorRow], frames: usize) -> Table {
     }
 }
 
-/// A table with aligned columns: the first two to the left, numbers to the right.
+/// A table with aligned columns: the first to the left, numbers to the right.
 #[must_use]
 pub fn aligned(table: &Table) -> String {
     let lines: Vec<&Vec<String>> = std::iter::once(&table.header).chain(&table.rows).collect();
@@ -124,7 +131,7 @@ pub fn aligned(table: &Table) -> String {
     let mut text = table.caption.clone();
     for line in lines {
         let cells = line.iter().zip(&widths).enumerate().map(|(n, (cell, width))| match n {
-            0 | 1 => format!("{cell:<width$}"),
+            0 => format!("{cell:<width$}"),
             _ => format!("{cell:>width$}"),
         });
         text += "\n  ";
@@ -140,14 +147,28 @@ pub fn aligned(table: &Table) -> String {
 pub fn csv(rows: &[ErrorRow]) -> Result<Vec<u8>> {
     let failed = |what: String| Error::failed(format!("table of errors: {what}"));
     let mut writer = csv::Writer::from_writer(Vec::new());
-    let header = ["sigma_wavelengths", "method", "truth_last_rad"];
-    let errors = ["curve_rms_rad", "curve_last_rad", "image_rms_rad"];
-    writer.write_record(header.iter().chain(&errors)).map_err(|e| failed(e.to_string()))?;
+    let header = [
+        "sigma_wavelengths",
+        "method",
+        "truth_last_rad",
+        "curve_rms_rad",
+        "curve_last_rad",
+        "image_wrapped_rms_rad",
+        "image_rms_rad",
+    ];
+    writer.write_record(header).map_err(|e| failed(e.to_string()))?;
+    let number = |value: f64| format!("{value:.6}");
     for row in rows {
-        let Errors { curve_rms_rad, curve_last_rad, image_rms_rad } = row.errors;
-        let numbers = [row.truth_last_rad, curve_rms_rad, curve_last_rad, image_rms_rad];
-        let cells = [row.sigma_wavelengths.to_string(), row.method.to_owned()];
-        let line = cells.into_iter().chain(numbers.map(|number| format!("{number:.6}")));
+        let errors = &row.errors;
+        let line = [
+            row.sigma_wavelengths.to_string(),
+            row.method.to_owned(),
+            number(row.truth_last_rad),
+            number(errors.curve_rms_rad),
+            number(errors.curve_last_rad),
+            number(errors.image_wrapped_rms_rad),
+            errors.image_rms_rad.map_or_else(String::new, number),
+        ];
         writer.write_record(line).map_err(|e| failed(e.to_string()))?;
     }
     writer.into_inner().map_err(|e| failed(e.to_string()))
@@ -167,7 +188,12 @@ mod tests {
     }
 
     fn rows() -> Vec<ErrorRow> {
-        let errors = Errors { curve_rms_rad: 0.1234, curve_last_rad: -11.0, image_rms_rad: 1.8 };
+        let errors = Errors {
+            curve_rms_rad: 0.1234,
+            curve_last_rad: -11.0,
+            image_wrapped_rms_rad: 1.8,
+            image_rms_rad: None,
+        };
         ["direct difference", "one-step walk"]
             .map(|method| ErrorRow {
                 scene: "σ = λ/32".to_owned(),
@@ -185,13 +211,16 @@ mod tests {
         let lines: Vec<&str> = text.lines().collect();
         assert!(lines[0].contains("2.04 rad in frame 69"));
         assert_eq!(lines[1].chars().count(), lines[2].chars().count());
-        assert!(lines[2].contains("  0.12       \u{2212}11.00         1.80"), "{text}");
+        assert!(
+            lines[2].contains("  0.12       \u{2212}11.00             1.80            \u{2013}"),
+            "{text}"
+        );
     }
 
     #[test]
     fn the_csv_has_a_header_and_units() {
         let text = String::from_utf8(csv(&rows()).unwrap()).unwrap();
         assert!(text.starts_with("sigma_wavelengths,method,truth_last_rad,curve_rms_rad"));
-        assert!(text.contains("\n0.03125,one-step walk,2.044000,0.123400,-11.000000,1.800000\n"));
+        assert!(text.contains("\n0.03125,one-step walk,2.044000,0.123400,-11.000000,1.800000,\n"));
     }
 }

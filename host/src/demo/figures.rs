@@ -1,15 +1,15 @@
 //! The pictures of evaluated scenes: the paper's Figures 2 and 3, and the method in one picture.
 
+use super::errors::wrapped;
 use super::scene::{PhaseCurve, SceneResult, Snapshot};
 use super::setup::Setup;
 use crate::figures::{
     Canvas, Curve, CurveColumn, Curves, Method, PhaseColumn, PhaseImages, ScaleBar, SpeckleImage,
 };
+use std::f64::consts::PI;
 
-/// Room above and below the truth in the picture of the method, radians.
-const MARGIN: f64 = 1.2;
 /// Coherence left at the end of a drawn step of the walk.
-const STEP_COHERENCE: f64 = 0.3;
+const STEP_COHERENCE: f64 = 0.12;
 
 /// Figure 2: the phase by direct difference and by the extended method, early and late, and the
 /// speckle it came from (paper lines 440-449).
@@ -47,18 +47,18 @@ pub fn curves(scenes: &[SceneResult]) -> Canvas {
     Curves { columns: scenes.iter().map(curve_column).collect(), direct_range: None }.draw()
 }
 
-/// The method in one picture, from the cross-spectrum of one scene.
+/// The method in one picture, from the cross-spectrum of one scene whose phase stays below π.
 #[must_use]
 pub fn method(scene: &SceneResult) -> Canvas {
-    let (low, high) = range(&scene.truth_rad);
+    let direct: Vec<f64> = scene.curves.direct.phase_rad.iter().map(|&p| wrapped(p)).collect();
     let figure = Method {
         single: scene.spectra.single.view(),
         averaged: scene.spectra.averaged.view(),
         truth: &scene.truth_rad,
-        direct: &scene.curves.direct.phase_rad,
+        direct: &direct,
         walked: &scene.curves.extended.phase_rad,
         step: coherent_lag(&scene.autocorrelation),
-        range: Some((low - MARGIN, high + MARGIN)),
+        range: Some((-PI, PI)),
     };
     figure.draw()
 }
@@ -92,10 +92,11 @@ fn changed(scene: &SceneResult) -> impl Iterator<Item = (String, &Snapshot)> {
     labelled(scene).filter(move |(_, snapshot)| wanted(snapshot.frame))
 }
 
-/// Length of the scale bar, wavelengths: 500 as in the paper, less where it would fill the image.
+/// Length of the scale bar, wavelengths: a fifth of the image, rounded; 500 as in the paper for its
+/// images.
 fn bar_wavelengths(setup: &Setup) -> f64 {
     let across = setup.scene.width as f64 * setup.scene.pitch_wavelengths;
-    if across >= 2000.0 { 500.0 } else { 10.0 * (across / 50.0).round().max(1.0) }
+    50.0 * (across / 250.0).round().max(1.0)
 }
 
 /// Number of frames after which the coherence has fallen to [`STEP_COHERENCE`]; at least 1.
@@ -104,17 +105,13 @@ fn coherent_lag(autocorrelation: &[f64]) -> usize {
     lost.unwrap_or(autocorrelation.len()).saturating_sub(1).max(1)
 }
 
-fn range(values: &[f64]) -> (f64, f64) {
-    values.iter().fold((0.0, 0.0), |(low, high), &v| (v.min(low), v.max(high)))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn the_drawn_step_stays_coherent() {
-        assert_eq!(coherent_lag(&[1.0, 0.8, 0.5, 0.31, 0.2, 0.1]), 3);
+        assert_eq!(coherent_lag(&[1.0, 0.8, 0.5, 0.2, 0.1, 0.05]), 3);
         assert_eq!(coherent_lag(&[1.0, 0.1]), 1);
         assert_eq!(coherent_lag(&[]), 1);
     }
@@ -122,6 +119,6 @@ mod tests {
     #[test]
     fn the_scale_bar_is_a_round_part_of_the_image() {
         assert_eq!(bar_wavelengths(&Setup::paper(1, 1)), 500.0);
-        assert_eq!(bar_wavelengths(&Setup::small(1, 1)), 260.0);
+        assert_eq!(bar_wavelengths(&Setup::small(1, 1)), 250.0);
     }
 }

@@ -1,5 +1,6 @@
 //! The phase images of a series that fits into memory.
 
+use super::setup::Looks;
 use crate::error::{Error, Result};
 use crate::image::{ImageJob, Kernel};
 use crate::io::Series;
@@ -22,6 +23,8 @@ pub struct Imaging<'a> {
     pub coherence: &'a SpatialCoherence,
     /// σ_Gauss, pixels.
     pub sigma_px: f64,
+    /// What the weights' threshold counts.
+    pub looks: Looks,
     /// Number of threads.
     pub threads: usize,
     /// Bytes that the strips of all threads may take together.
@@ -37,13 +40,14 @@ impl Imaging<'_> {
     pub fn phases(&self, plan: &Plan, label: &str) -> Result<Array3<f32>> {
         let shape = self.series.shape();
         let kernel = Kernel::new(self.sigma_px, shape.height, shape.width, false)?;
+        let effective_looks = self.coherence.looks_of_kernel(&kernel);
         let job = ImageJob {
             series: self.series,
             survey: self.survey,
             plan,
             sigma_px: self.sigma_px,
-            looks: gaussian_looks(self.sigma_px),
-            effective_looks: self.coherence.looks_of_kernel(&kernel),
+            looks: self.looks.choose(gaussian_looks(self.sigma_px), effective_looks),
+            effective_looks,
             sigma: false,
             double: false,
             path: Path::best()?,

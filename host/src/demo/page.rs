@@ -2,7 +2,7 @@
 
 use super::errors::{ErrorRow, table};
 use super::scene::SceneResult;
-use super::setup::Setup;
+use super::setup::{Setup, sigma_label};
 use crate::error::Result;
 use crate::figures::Canvas;
 use crate::report::{Page, Role, Scene, SceneCurve, Still};
@@ -10,34 +10,34 @@ use crate::report::{Page, Role, Scene, SceneCurve, Still};
 const TITLE: &str = "Phasewalk: the phase of speckle that falls apart";
 
 const EXPLANATION: &str = "\
-Simulated, so that the truth is known: point scatterers seen through a small aperture give a speckle \
-pattern. An x-shaped region in the middle moves along the line of sight by less than a fifth of a \
-wavelength, and that motion is to be measured from the phase. At the same time every scatterer moves at random, by a standard \
-deviation σ per frame and axis, so that the pattern changes until nothing of it is left. The direct \
-difference compares each frame with the fifth: it fails once the two patterns have nothing in common. A \
-walk adds up phase changes over short times, during which the pattern hardly changes: in steps of one \
-frame (one-step), or over all pairs of frames that still agree (extended Knox\u{2013}Thompson method). \
-Move the slider, or press the arrow keys.";
+A simulation, so that the truth is known. Point scatterers seen through a small aperture make a \
+speckle pattern. An x-shaped region moves along the line of sight by a sixth of a wavelength; that \
+motion is to be measured from the phase. But every scatterer also moves at random, by a standard \
+deviation σ per frame and axis, until nothing is left of the first pattern. The direct difference \
+compares each frame with the fifth: it is lost once the two patterns have nothing in common. A walk \
+adds up phase changes over short times, while the pattern hardly changes: frame by frame (one-step), \
+or over all pairs of frames that still agree (extended Knox\u{2013}Thompson method). Move the slider \
+or press the arrow keys.";
 
 const ABOUT_ERRORS: &str = "\
-Curve: mean over the x, all frames (rms) and last frame (end). Image: the pixels of the x in the last \
-frame; for the direct difference, which is known modulo 2π only, the wrapped error, which is 1.81 for \
-noise. At the edges of the x a pixel also sees the resting surroundings: that alone makes the errors at \
-σ = 0.";
+In the table, curve is the mean over the x, in all frames (rms) and in the last one (end); image is the \
+pixels of the x in the last frame, once with the error wrapped to \u{2212}π..π, where noise has 1.81, and \
+once as it is. At its edges a pixel sees x and surroundings together: at σ = 0 that is the only error.";
 
 const ABOUT_METHOD: &str = "\
-The method in one picture. Left and middle: the cross-spectrum, how the phase changes \
-from frame t to frame t + Δt. In one pixel it is noise; averaged over the x it shows the motion wherever \
-Δt is short, and noise again where the pattern has changed.";
+The method in one picture. Left and middle: the cross-spectrum, how the phase changes from frame t to \
+frame t + Δt. In one pixel it is noise; averaged over the x it shows the motion wherever Δt is short, \
+and noise again where the pattern has changed. Right: what follows for the phase of the x; the direct \
+difference is drawn between \u{2212}π and π. The scene is";
 
 const ABOUT_IMAGES: &str = "\
-Phase images (Gaussian average over neighbouring pixels) by direct difference and by the extended \
-method, and the speckle they were made from. Compare the paper's Figure 2.";
+Phase images by direct difference and by the extended method, and the speckle they were made from \
+(the paper's Figure 2). Each pixel is a Gaussian average with a standard deviation, in pixels, of";
 
 const ABOUT_CURVES: &str = "\
-Phase averaged over the x. Bands: one standard deviation, predicted from the coherence; the extended \
-method has none here, because its noise is correlated between pairs. Bottom: how much of the field is \
-left after a time. Compare the paper's Figure 3.";
+Phase averaged over the x (the paper's Figure 3). Bands: one standard deviation, predicted from the \
+coherence; the extended method has none here, because its noise is correlated between pairs. Bottom: \
+how much of the field is left after a time.";
 
 /// The pictures of the page.
 pub struct Figures {
@@ -59,18 +59,23 @@ pub fn html(
     rows: &[ErrorRow],
     figures: &Figures,
 ) -> Result<String> {
-    let mut table = table(rows, setup.scene.frames);
-    table.caption += ".";
-    let captions: Vec<String> = scenes.iter().map(caption).collect();
+    let explanation = format!("{EXPLANATION} {ABOUT_ERRORS}");
+    let (moving, still): (Vec<_>, Vec<_>) =
+        scenes.iter().partition(|scene| scene.sigma_wavelengths > 0.0);
+    let scenes: Vec<&SceneResult> = moving.into_iter().chain(still).collect();
+    let captions: Vec<String> = scenes.iter().map(|scene| caption(scene)).collect();
+    let explained = setup.sigmas_wavelengths.get(setup.explained).copied().unwrap_or_default();
+    let about_method = format!("{ABOUT_METHOD} {}.", sigma_label(explained));
+    let about_images = format!("{ABOUT_IMAGES} {}.", setup.gaussian_px);
     let still = |canvas, caption| Still { canvas, caption };
     let page = Page {
         title: TITLE,
-        explanation: EXPLANATION,
-        table,
+        explanation: &explanation,
+        table: table(rows, setup.scene.frames),
         scenes: scenes.iter().zip(&captions).map(|(s, caption)| scene(s, caption)).collect(),
         figures: vec![
-            still(&figures.method, ABOUT_METHOD),
-            still(&figures.phase_images, ABOUT_IMAGES),
+            still(&figures.method, &about_method),
+            still(&figures.phase_images, &about_images),
             still(&figures.curves, ABOUT_CURVES),
         ],
     };
@@ -100,9 +105,11 @@ fn caption(scene: &SceneResult) -> String {
     }
     let half = scene.autocorrelation.iter().position(|&coherence| coherence < 0.5);
     let lost = match half {
-        Some(lag) => format!("half of the field has changed after {lag} frames"),
+        Some(lag) => format!("after {lag} frames less than half of the field is left"),
         None => "most of the field stays to the end".to_owned(),
     };
-    format!("Random motion in x, y and z with a standard deviation of {} per frame: {lost}.",
-        scene.label.trim_start_matches("σ = "))
+    format!(
+        "Random motion in x, y and z with a standard deviation of {} per frame: {lost}.",
+        scene.label.trim_start_matches("σ = ")
+    )
 }

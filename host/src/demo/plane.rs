@@ -45,9 +45,8 @@ impl Fit {
     /// Least squares through all points; `None` when they lie on one line, or are none.
     #[must_use]
     pub fn of(points: &[Point]) -> Option<Self> {
-        let mean = |value: fn(&Point) -> f64| {
-            points.iter().map(value).sum::<f64>() / points.len() as f64
-        };
+        let mean =
+            |value: fn(&Point) -> f64| points.iter().map(value).sum::<f64>() / points.len() as f64;
         let (x, z, phase) = (mean(|p| p.x), mean(|p| p.z), mean(|p| p.phase));
         let moment = |value: &dyn Fn(f64, f64, f64) -> f64| -> f64 {
             points.iter().map(|p| value(p.x - x, p.z - z, p.phase - phase)).sum()

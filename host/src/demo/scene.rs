@@ -13,7 +13,7 @@ use crate::method::{Depths, Method, Plan};
 use crate::progress::Progress;
 use crate::report::Stack;
 use crate::series::{Survey, survey};
-use ndarray::{Array2, Array3, ArrayView2, Axis};
+use ndarray::{Array2, Array3, ArrayView2, Axis, s};
 use num_complex::Complex32;
 use phasewalk_core::weights::Weighting;
 use rayon::prelude::*;
@@ -63,8 +63,7 @@ pub struct PhaseCurve {
 
 impl From<Vec<CurveRow>> for PhaseCurve {
     fn from(rows: Vec<CurveRow>) -> Self {
-        let (phase_rad, sigma_rad) =
-            rows.iter().map(|row| (row.phase_rad, row.sigma_rad)).unzip();
+        let (phase_rad, sigma_rad) = rows.iter().map(|row| (row.phase_rad, row.sigma_rad)).unzip();
         Self { phase_rad, sigma_rad }
     }
 }
@@ -187,7 +186,7 @@ impl<'a> Work<'a> {
         let Recording { scene, mask, .. } = self.recording;
         let bar = Progress::new(&format!("{}: curves", self.label), scene.frames as u64);
         let effective = self.coherence.looks_of_mask(mask, scene.width);
-        let looks = region.pixels() as f64;
+        let looks = self.setup.looks.choose(region.pixels() as f64, effective);
         curve(region, &self.plan(method)?, looks, effective, &bar).map(PhaseCurve::from)
     }
 
@@ -197,6 +196,7 @@ impl<'a> Work<'a> {
             survey: &self.survey,
             coherence: &self.coherence,
             sigma_px: self.setup.gaussian_px,
+            looks: self.setup.looks,
             threads: self.setup.threads,
             memory: self.setup.image_memory(),
         };
@@ -233,8 +233,10 @@ impl<'a> Work<'a> {
         for (frame, mut image) in amplitudes.outer_iter_mut().enumerate() {
             image.assign(&self.amplitude(frame));
         }
+        // Speckle does not compress: half the pixels along each axis show it as well.
+        let speckle = amplitudes.slice(s![.., ..;2, ..;2]);
         Ok(vec![
-            Stack::speckle("speckle amplitude", amplitudes.view())?,
+            Stack::speckle("speckle amplitude", speckle)?,
             Stack::phase("phase by direct difference", images.direct.view())?,
             Stack::phase("phase by extended walk", images.extended.view())?,
         ])

@@ -5,6 +5,26 @@ use crate::simulate::SpeckleScene;
 /// Bytes that the strips of the phase images may take.
 const IMAGE_MEMORY: u64 = 256 << 20;
 
+/// What the threshold of the extended method's weights counts as independent (paper lines 800-820).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Looks {
+    /// Pixels, as the paper has it: too many where a speckle covers several, and then noise passes.
+    Nominal,
+    /// Speckles, estimated from the frames.
+    Effective,
+}
+
+impl Looks {
+    /// The one of two numbers that counts.
+    #[must_use]
+    pub fn choose(self, nominal: f64, effective: f64) -> f64 {
+        match self {
+            Self::Nominal => nominal,
+            Self::Effective => effective,
+        }
+    }
+}
+
 /// Everything that can be chosen.
 #[derive(Clone, Debug)]
 pub struct Setup {
@@ -14,6 +34,8 @@ pub struct Setup {
     pub sigmas_wavelengths: Vec<f64>,
     /// σ_Gauss of the phase images, pixels (paper line 753).
     pub gaussian_px: f64,
+    /// What the weights' threshold counts.
+    pub looks: Looks,
     /// Frames that Figure 2 shows: the first (speckle only), an early and a late one (lines 462-467).
     pub shown_frames: [usize; 3],
     /// The scene that explains the method, an index into `sigmas_wavelengths`.
@@ -24,10 +46,13 @@ pub struct Setup {
 
 impl Setup {
     /// A quarter of the paper's area, the same speckle: done in seconds.
+    ///
+    /// σ_Gauss = 3 px would hold 23 speckles only, too few to tell the coherence of strong motion
+    /// from noise.
     #[must_use]
     pub fn small(seed: u64, threads: usize) -> Self {
         let scene = SpeckleScene { width: 320, height: 184, seed, ..SpeckleScene::default() };
-        Self { scene, ..Self::paper(seed, threads) }
+        Self { scene, gaussian_px: 5.0, looks: Looks::Effective, ..Self::paper(seed, threads) }
     }
 
     /// The paper's scene at full size (lines 612-645).
@@ -37,6 +62,7 @@ impl Setup {
             scene: SpeckleScene { seed, ..SpeckleScene::default() },
             sigmas_wavelengths: vec![0.0, 1.0 / 32.0, 1.0 / 16.0],
             gaussian_px: 3.0,
+            looks: Looks::Nominal,
             shown_frames: [0, 10, 69],
             explained: 2,
             threads,

@@ -5,7 +5,8 @@ use crate::method::{Method, Plan};
 use phasewalk_core::batch::solve_series;
 use phasewalk_core::reference::subtract_reference;
 use phasewalk_core::regularize::batch_links;
-use phasewalk_core::solver::{Node, Solver};
+use phasewalk_core::solver::Solver;
+use phasewalk_core::storage::{Link, Node};
 use phasewalk_core::variance::phase_variance;
 use phasewalk_core::weights::{debias, pair_variance};
 
@@ -20,7 +21,7 @@ pub struct Sample<L> {
 
 /// Buffers of the solution, one vector of pixels wide, and the vector's results.
 pub struct Workspace<L> {
-    solver: Solver<L, Vec<L>, Vec<Node<L>>>,
+    solver: Solver<L, Vec<Link<L>>, Vec<Node<L>>>,
     /// Noise q of each link, in the solver's rows.
     noise: Vec<L>,
     sensitivity: Vec<L>,
@@ -39,7 +40,7 @@ impl<L: Lanes> Workspace<L> {
         let line = || vec![L::zero(); frames];
         Self {
             solver: Solver::with_storage(
-                vec![L::zero(); frames * lags],
+                vec![Link::new(); frames * lags],
                 vec![Node::new(); frames],
                 lags,
                 plan.gauge(),
@@ -55,7 +56,7 @@ impl<L: Lanes> Workspace<L> {
 
     /// Bytes that [`Self::new`] takes.
     pub fn bytes(plan: &Plan, sigma: bool) -> usize {
-        let links = plan.params.max_lag * if sigma { 2 } else { 1 };
+        let links = plan.params.max_lag * if sigma { 3 } else { 2 };
         plan.frames() * (links * size_of::<L>() + size_of::<Node<L>>() + 4 * size_of::<L>())
     }
 

@@ -1,0 +1,88 @@
+//! What the solver keeps: links between frames, the frames themselves, and fixed-size buffers.
+
+use crate::scalar::Scalar;
+
+/// A link from frame t to a later frame s: all pairs and priors between them, and what eliminated
+/// frames have left.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Link<T> {
+    /// a: the sum of w^2.
+    pub(crate) conductance: T,
+    /// f: the sum of w^2 c, c being the phase phi_t - phi_s that each of them wants.
+    pub(crate) flux: T,
+}
+
+impl<T: Scalar> Link<T> {
+    /// No connection.
+    #[inline(always)]
+    #[must_use]
+    pub fn new() -> Self {
+        Self { conductance: T::zero(), flux: T::zero() }
+    }
+}
+
+impl<T: Scalar> Default for Link<T> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// What the network knows of one frame, beside its links.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Node<T> {
+    /// Link to the gauge frame, once that has been eliminated.
+    pub(crate) ground: Link<T>,
+    /// Sum of all links when it was eliminated; 0 for the gauge frame.
+    pub(crate) pivot: T,
+    /// Coefficient of phi_t in the sum of the reference frames' phases.
+    pub(crate) reference: T,
+    /// 1 if a pair with weight above 0 has touched the frame.
+    pub(crate) measured: T,
+}
+
+impl<T: Scalar> Node<T> {
+    /// A frame without links.
+    #[inline(always)]
+    #[must_use]
+    pub fn new() -> Self {
+        let zero = T::zero();
+        Self { ground: Link::new(), pivot: zero, reference: zero, measured: zero }
+    }
+}
+
+impl<T: Scalar> Default for Node<T> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// `ROWS` rows of `LAGS` numbers that count as one slice.
+#[derive(Clone, Copy, Debug)]
+pub struct Matrix<T, const ROWS: usize, const LAGS: usize>([[T; LAGS]; ROWS]);
+
+impl<T: Copy, const ROWS: usize, const LAGS: usize> Matrix<T, ROWS, LAGS> {
+    /// The same number everywhere.
+    pub(crate) const fn filled(value: T) -> Self {
+        Self([[value; LAGS]; ROWS])
+    }
+
+    pub(crate) fn row(&self, row: usize) -> Option<&[T; LAGS]> {
+        self.0.get(row)
+    }
+
+    pub(crate) fn row_mut(&mut self, row: usize) -> Option<&mut [T; LAGS]> {
+        self.0.get_mut(row)
+    }
+}
+
+impl<T, const ROWS: usize, const LAGS: usize> AsRef<[T]> for Matrix<T, ROWS, LAGS> {
+    fn as_ref(&self) -> &[T] {
+        self.0.as_flattened()
+    }
+}
+
+impl<T, const ROWS: usize, const LAGS: usize> AsMut<[T]> for Matrix<T, ROWS, LAGS> {
+    fn as_mut(&mut self) -> &mut [T] {
+        self.0.as_flattened_mut()
+    }
+}
