@@ -57,7 +57,13 @@ impl Case {
         let pairs = oracle::gaussian_mean_of(FRAMES, 11, 13, 1.5, |t, lag| {
             oracle::layer_difference(&layers, &[0, 1], &[3], t, lag)
         });
-        Self { name: "layers", recording, depths: "0..1,3..3".parse().unwrap(), sigma_px: 1.5, pairs }
+        Self {
+            name: "layers",
+            recording,
+            depths: "0..1,3..3".parse().unwrap(),
+            sigma_px: 1.5,
+            pairs,
+        }
     }
 
     fn all() -> Vec<Self> {
@@ -143,7 +149,13 @@ impl Tally {
         tally
     }
 
-    fn of_images(what: &str, got: &Images, expected: &PhaseImages, fisher: bool, double: bool) -> Self {
+    fn of_images(
+        what: &str,
+        got: &Images,
+        expected: &PhaseImages,
+        fisher: bool,
+        double: bool,
+    ) -> Self {
         let tie = |pixel: usize| {
             // The Fisher weight jumps at its threshold: a tie of its own, on the scale of TIE_RAD.
             let at_threshold = expected.threshold_distance[pixel] * (TIE_RAD / THRESHOLD_TIE);
@@ -227,9 +239,8 @@ fn the_baselines_are_the_oracles() {
                     distance_from_the_cut(&case.pairs[pixel], |t, lag| t == 4 || t + lag == 4)
                 };
                 tally.add(Tally::of(&what, &images(Method::Direct), &direct, double, cut));
-                let cut = |pixel: usize| {
-                    distance_from_the_cut(&case.pairs[pixel], |_, lag| lag == 1)
-                };
+                let cut =
+                    |pixel: usize| distance_from_the_cut(&case.pairs[pixel], |_, lag| lag == 1);
                 tally.add(Tally::of(&what, &images(Method::OneStep), &walked, double, cut));
             }
         }
@@ -250,14 +261,8 @@ fn standard_deviations_are_the_oracles() {
         let pairs = pairs.up_to_lag(lags);
         let weights = oracle::weights(&pairs, oracle::Weighting::Fisher, looks);
         let regularisation = oracle::Regularisation::paper(FRAMES);
-        let expected = oracle::phase_sigma(
-            FRAMES,
-            lags,
-            &pairs.coherence,
-            &weights,
-            looks,
-            &regularisation,
-        );
+        let expected =
+            oracle::phase_sigma(FRAMES, lags, &pairs.coherence, &weights, looks, &regularisation);
         for (t, sigma) in expected.into_iter().enumerate() {
             let place = t * case.pairs.len() + pixel;
             for got in [double.sigmas[place], single.sigmas[place]] {
@@ -394,7 +399,8 @@ fn the_programs_images_are_the_oracles() {
         case.recording.save(&bench.path("F.npy"));
         let layers = if case.name == "layers" { "--layers 0..1,3..3" } else { "" };
         for lags in [1, 5, FRAMES - 1] {
-            let common = format!("phase F.npy --gaussian {} {layers} --max-lag {lags}", case.sigma_px);
+            let common =
+                format!("phase F.npy --gaussian {} {layers} --max-lag {lags}", case.sigma_px);
             let nominal = oracle::gaussian_looks(case.sigma_px);
             let expected =
                 oracle::images_from_pairs(&case.pairs, lags, oracle::Weighting::Paper, nominal);

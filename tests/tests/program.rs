@@ -73,8 +73,16 @@ fn from_scene_to_curve_and_images() {
     let _ = bench.succeed("phase F.npy --mask F.mask.npy -o C.zarr");
     let _ = bench.succeed("phase F.npy --mask F.mask.npy -o C.npy");
     let expected = [
-        "C.csv", "C.npy", "C.sigma.npy", "C.zarr", "F.mask.npy", "F.npy", "F.phase.npy", "P.npy",
-        "P.sigma.npy", "P.zarr",
+        "C.csv",
+        "C.npy",
+        "C.sigma.npy",
+        "C.zarr",
+        "F.mask.npy",
+        "F.npy",
+        "F.phase.npy",
+        "P.npy",
+        "P.sigma.npy",
+        "P.zarr",
     ];
     assert_eq!(bench.names(), expected);
 }
@@ -91,7 +99,14 @@ fn zarr_in_is_npy_in() {
     let _ = bench.succeed("phase F.zarr --mask F.zarr -o B.csv");
     let table = |name: &str| fs::read_to_string(bench.path(name)).unwrap();
     let without_times = |text: String| -> Vec<String> {
-        let keep = |line: &str| line.split(',').enumerate().filter(|(i, _)| *i != 1).map(|f| f.1.to_owned()).collect::<Vec<_>>().join(",");
+        let keep = |line: &str| {
+            line.split(',')
+                .enumerate()
+                .filter(|(i, _)| *i != 1)
+                .map(|f| f.1.to_owned())
+                .collect::<Vec<_>>()
+                .join(",")
+        };
         text.lines().map(keep).collect()
     };
     assert_eq!(without_times(table("A.csv")), without_times(table("B.csv")));
@@ -148,7 +163,8 @@ fn bytes_do_not_depend_on_threads() {
         let common = format!("--threads {threads} -o {name}");
         let _ = bench.succeed(&format!("phase F.npy --mask M.npy {common}.csv"));
         let _ = bench.succeed(&format!("phase F.npy --gaussian 2 --sigma {common}.npy"));
-        let _ = bench.succeed(&format!("phase V.npy --layers 0..1,3..3 --gaussian 2 {common}V.npy"));
+        let _ =
+            bench.succeed(&format!("phase V.npy --layers 0..1,3..3 --gaussian 2 {common}V.npy"));
     }
     for suffix in [".csv", ".npy", ".sigma.npy", "V.npy"] {
         let bytes = |name: &str| fs::read(bench.path(&format!("{name}{suffix}"))).unwrap();
@@ -281,7 +297,10 @@ fn parameters_out_of_range_are_refused() {
         ("F.npy --mask M.npy --max-lag 0 -o C.csv", "--max-lag 0"),
         ("F.npy --mask M.npy --max-lag 12 -o C.csv", "--max-lag 12"),
         ("F.npy --gaussian 1 --max-lag 12 -o P.npy", "--max-lag 12"),
-        ("F.npy --mask M.npy --method direct --reference-frame 12 -o C.csv", "--reference-frame 12"),
+        (
+            "F.npy --mask M.npy --method direct --reference-frame 12 -o C.csv",
+            "--reference-frame 12",
+        ),
         ("F.npy --mask M.npy --method direct --max-lag 3 -o C.csv", "--max-lag"),
         ("F.npy --gaussian 1 --memory 0 -o P.npy", "--memory"),
         ("F.npy --mask M.npy --layers 0..1 -o C.csv", "--layers"),

@@ -52,7 +52,10 @@ fn are_as_reported(got: [f64; 3], reported: [f64; 3]) {
         let factor = got / reported;
         assert!((1.0 / RMS_FACTOR..RMS_FACTOR).contains(&factor), "{got} rad for {reported} rad");
     }
-    assert!(got[0] > 3.0 * got[1] && got[0] > 3.0 * got[2], "the direct difference is lost: {got:?}");
+    assert!(
+        got[0] > 3.0 * got[1] && got[0] > 3.0 * got[2],
+        "the direct difference is lost: {got:?}"
+    );
 }
 
 #[test]

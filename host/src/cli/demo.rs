@@ -138,7 +138,7 @@ fn refused(path: &Path, error: &std::io::Error) -> Error {
         ErrorKind::AlreadyExists | ErrorKind::NotADirectory => {
             format!("--out {name}: is a file, or lies below one; give the name of a folder")
         }
-        ErrorKind::NotFound => {
+        ErrorKind::NotFound if !path.exists() => {
             format!("--out {name}: the folder above it does not exist; make it or choose another")
         }
         ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {

@@ -59,7 +59,7 @@ impl Errors {
         };
         Self {
             curve_rms_rad: rms(differences()),
-            curve_last_rad: differences().last().unwrap_or(f64::NAN),
+            curve_last_rad: differences().next_back().unwrap_or(f64::NAN),
             image_wrapped_rms_rad: rms(image().map(wrapped)),
             image_rms_rad: (method != Method::Direct).then(|| rms(image())),
         }

@@ -3,8 +3,8 @@
 //!
 //! ```text
 //! setup ─> recording ─> scene ─┬─> errors ──┬─> terminal, errors.csv
-//!   (simulate)   (curves, images,            │
-//!                 cross-spectrum) └─> figures ┴─> page ─> report.html
+//!          (simulate)   (curves, │            ├─> page ─> report.html
+//!                        images) └─> figures ─┘
 //! plane ─> rotating_disk
 //! ```
 //! `setup` holds every number, so the same path draws a small scene in seconds and the paper's

@@ -36,8 +36,9 @@ Phase images by direct difference and by the extended method, and the speckle th
 
 const ABOUT_CURVES: &str = "\
 Phase averaged over the x (the paper's Figure 3). Bands: one standard deviation, predicted from the \
-coherence; the extended method has none here, because its noise is correlated between pairs. Bottom: \
-how much of the field is left after a time.";
+coherence; that of the direct difference does not know of lost turns, and the extended method has none, \
+because the prediction takes pairs of frames as independent and comes out too narrow. Bottom: how much \
+of the field is left after a time.";
 
 /// The pictures of the page.
 pub struct Figures {

@@ -55,7 +55,8 @@ impl Fit {
             (moment(&|x, _, _| x * x), moment(&|x, z, _| x * z), moment(&|_, z, _| z * z));
         let (xp, zp) = (moment(&|x, _, p| x * p), moment(&|_, z, p| z * p));
         let determinant = xx * zz - xz * xz;
-        if !(determinant > f64::EPSILON * xx * zz) {
+        // Of no point at all everything is NaN.
+        if determinant.is_nan() || determinant <= f64::EPSILON * xx * zz {
             return None;
         }
         let slope_x = (xp * zz - zp * xz) / determinant;

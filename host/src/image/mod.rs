@@ -85,13 +85,13 @@ impl ImageJob<'_> {
         each: &(dyn Fn(StripResult<'_>) -> Result<()> + Sync),
     ) -> Result<()> {
         let kernel = self.kernel()?;
-        let rows = self.memory_plan()?.strip_rows;
+        let MemoryPlan { strip_rows: rows, threads, .. } = self.memory_plan()?;
         let run = Run { job: self, kernel: &kernel, rows, progress, each };
         let entry = dispatch::entry(self)?;
         let next = AtomicUsize::new(0);
         let failure = Mutex::new(None);
         std::thread::scope(|scope| {
-            for _ in 0..self.threads.max(1) {
+            for _ in 0..threads {
                 scope.spawn(|| {
                     if let Err(error) = entry(&run, &next) {
                         next.store(usize::MAX / 2, Ordering::Relaxed);
