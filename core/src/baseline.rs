@@ -23,7 +23,7 @@ pub fn one_step<T: Scalar>(previous_phase: T, cross: Complex<T>) -> T {
 }
 
 /// Unwrap a curve along time: each phase is moved by multiples of 2 pi to within pi of the one
-/// before it (paper line 984: for curves of the direct difference).
+/// before it (paper lines 987-988: for curves of the direct difference).
 pub fn unwrap_in_time<T: Scalar>(phases: &mut [T]) {
     let (half, turn) = (T::from_f64(PI), T::from_f64(TAU));
     let mut previous: Option<T> = None;

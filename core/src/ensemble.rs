@@ -16,7 +16,8 @@ pub struct PairMean<T> {
 }
 
 impl<T: Scalar> PairMean<T> {
-    /// Wrapped phase difference arg <C>, radians in -pi..=pi.
+    /// Wrapped phase difference arg <C>, radians in -pi..=pi: that of the systematic phase, because <C_H>
+    /// is real at small dt (paper lines 955-971).
     #[inline(always)]
     #[must_use]
     pub fn phase(&self) -> T {

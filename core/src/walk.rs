@@ -1,4 +1,5 @@
-//! The whole chain frame by frame, in fixed memory: fields in, phase and its standard deviation out.
+//! The whole chain frame by frame, in fixed memory: fields in, phase and its standard deviation out;
+//! the paper's solution (lines 916-918) for the frames so far.
 
 use crate::cross_spectrum::CrossSpectrumStream;
 use crate::error::Error;

@@ -30,6 +30,17 @@ impl Error {
         Self::Failed(format!("{}: {what}", path.display()))
     }
 
+    /// The same error with the file it is about, unless it names it already.
+    #[must_use]
+    pub fn about(self, path: &Path) -> Self {
+        match self {
+            Self::Failed(message) if !message.starts_with(&path.display().to_string()) => {
+                Self::file(path, message)
+            }
+            other => other,
+        }
+    }
+
     /// Anything else that failed.
     pub fn failed(message: impl Into<String>) -> Self {
         Self::Failed(message.into())

@@ -7,7 +7,7 @@
 //! * Frames, rows, columns and lags count from 0; N is the number of frames.
 //! * Phases are in radians. C(t,Δt) = U(t) U*(t+Δt), so arg C(t,Δt) = φ(t) − φ(t+Δt).
 //! * A *pair* is (t, Δt) with Δt ≥ 1 and t+Δt ≤ N−1. Lists of pairs are in the order of the rows
-//!   of S (line 891): (0,1), (0,2), …, (1,1), (1,2), …; see [`pair_list`].
+//!   of S (lines 890-901): (0,1), (0,2), …, (1,1), (1,2), …; see [`pair_list`].
 //! * Images are flat and in C order, (y, x); series are (time, y, x).
 //! * A lag limit beyond N−1 means N−1.
 
@@ -19,14 +19,14 @@ use std::f64::consts::PI;
 pub const THRESHOLD_PROBABILITY: f64 = 0.99999;
 /// D, the number of preceding phases the unwrapping looks at, Δt = 0 included (lines 834–840).
 pub const UNWRAP_DEPTH: usize = 10;
-/// μ₁, the regularisation that fixes the gauge (line 938).
+/// μ₁, the regularisation that fixes the gauge (line 936).
 pub const MU_1: f64 = 0.02;
-/// μ₂, the regularisation of first differences, which bridges gaps (line 938).
+/// μ₂, the regularisation of first differences, which bridges gaps (line 936).
 pub const MU_2: f64 = 0.001;
 /// Index of the frame whose phase Γ₁ pulls to zero, where there are that many (line 923).
 pub const GAUGE_FRAME: usize = 4;
 /// N₀, the number of frames whose mean phase is taken as zero, where there are that many
-/// (line 949).
+/// (line 948).
 pub const REFERENCE_FRAMES: usize = 5;
 
 // ---------------------------------------------------------------------------------------------
@@ -109,7 +109,7 @@ fn arg(z: Complex<f64>) -> f64 {
 }
 
 /// All pairs (t, Δt), 1 ≤ Δt ≤ `max_lag`, t+Δt < `frames`, in the order of the rows of S
-/// (line 891).
+/// (lines 890-901).
 pub fn pair_list(frames: usize, max_lag: usize) -> Vec<(usize, usize)> {
     let mut list = Vec::new();
     for t in 0..frames {
@@ -198,7 +198,7 @@ impl Pairs {
 }
 
 /// Averages over a mask, ⟨C(t,Δt)⟩_M = 1/|M| Σ_{(x,y)∈M} C(x,y; t,Δt) and likewise ⟨C/|C|⟩_M, for
-/// all t and Δt (line 744).
+/// all t and Δt (line 745).
 ///
 /// `mask` is of shape (y, x), true inside M.
 ///
@@ -498,7 +498,7 @@ pub fn unwrap_pairs(pairs: &Pairs, depth: usize) -> Unwrapped {
 }
 
 /// The usual unwrapping in t: multiples of 2π are added so that neighbours differ by at most π,
-/// starting at frame 0, which stays (line 989).
+/// starting at frame 0, which stays (lines 987-988).
 pub fn unwrap_in_time(phases: &[f64]) -> Vec<f64> {
     let mut unwrapped: Vec<f64> = Vec::new();
     for &wrapped in phases {
@@ -567,7 +567,7 @@ pub struct Regularisation {
 }
 
 impl Regularisation {
-    /// The paper's: μ₁ = 0.02, μ₂ = 0.001, frame 4, N₀ = 5 (lines 923, 938, 949); with fewer than
+    /// The paper's: μ₁ = 0.02, μ₂ = 0.001, frame 4, N₀ = 5 (lines 922-935, 936, 948); with fewer than
     /// five frames the gauge is min(4, N−1) and N₀ = min(5, N).
     ///
     /// # Panics

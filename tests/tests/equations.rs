@@ -35,18 +35,26 @@ struct Exempt {
 
 struct Table {
     rows: Vec<Row>,
+    /// Lines that hold no equation and are cited all the same.
+    passages: Vec<Lines>,
     exempt: Vec<Exempt>,
 }
 
 /// The part of TOML that the table needs: `[[name]]`, `key = "text"`, `key = ["text", ...]`.
 fn read_table() -> Table {
-    let mut table = Table { rows: Vec::new(), exempt: Vec::new() };
+    let mut table = Table { rows: Vec::new(), passages: Vec::new(), exempt: Vec::new() };
+    let mut in_passage = false;
     for line in read("tests/equations.toml").lines().map(str::trim) {
+        if line.starts_with("[[") {
+            in_passage = line == "[[passage]]";
+        }
         match line {
             "[[equation]]" => table.rows.push(Row::default()),
             "[[exempt]]" => table.exempt.push(Exempt::default()),
+            "[[passage]]" => {}
             "" => {}
             comment if comment.starts_with('#') => {}
+            entry if in_passage => table.set_passage(entry),
             entry => table.set(entry),
         }
     }
@@ -54,6 +62,13 @@ fn read_table() -> Table {
 }
 
 impl Table {
+    fn set_passage(&mut self, entry: &str) {
+        if let Some(lines) = entry.strip_prefix("lines = ") {
+            let lines = range(lines.trim_matches('"'));
+            self.passages.push(lines.unwrap_or_else(|| panic!("not read: {entry}")));
+        }
+    }
+
     fn set(&mut self, entry: &str) {
         let (key, value) = entry.split_once(" = ").unwrap_or_else(|| panic!("not read: {entry}"));
         let texts: Vec<String> = value.split('"').skip(1).step_by(2).map(str::to_owned).collect();
@@ -198,11 +213,12 @@ fn the_code_of_every_equation_cites_its_line() {
 /// A citation that leads to no equation of the table is a wrong number, or a row is missing.
 #[test]
 fn every_citation_leads_to_an_equation() {
-    let rows = read_table().rows;
+    let Table { rows, passages, .. } = read_table();
+    let known: Vec<Lines> = rows.iter().map(Row::lines).chain(passages).collect();
     let mut faults = Vec::new();
     for file in [rust_files("core/src"), rust_files("host/src")].concat() {
         for cited in citations(&read(&file)) {
-            if !rows.iter().any(|row| overlap(&row.lines(), &cited)) {
+            if !known.iter().any(|lines| overlap(lines, &cited)) {
                 faults.push(format!("{file} cites line {cited:?}: no equation is there"));
             }
         }

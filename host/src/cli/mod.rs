@@ -71,11 +71,24 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// clap's message, on the stream and with the status that belong to it.
+/// Help and version as clap prints them; its complaints in one line, as all of ours.
 fn usage(error: &clap::Error) -> ExitCode {
-    // A closed pipe (`phasewalk --help | head -1`) is no failure of ours.
-    let _ = error.print();
+    use clap::error::ErrorKind;
+    if !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        // A closed pipe (`phasewalk --help | head -1`) is no failure of ours.
+        let _ = error.print();
+    } else {
+        eprintln!("phasewalk: {}", one_line(&error.to_string()));
+    }
     ExitCode::from(if error.use_stderr() { 2 } else { 0 })
+}
+
+/// The sentence of a message whose usage and hints stand in paragraphs of their own.
+fn one_line(message: &str) -> String {
+    let paragraph = message.split("\n\nUsage").next().unwrap_or(message);
+    let paragraph = paragraph.split("\n\nFor more").next().unwrap_or(paragraph);
+    let words: Vec<&str> = paragraph.split_whitespace().collect();
+    format!("{} (see --help)", words.join(" ").trim_start_matches("error: "))
 }
 
 fn run(arguments: &Arguments) -> Result<()> {
@@ -155,6 +168,17 @@ mod tests {
         for wrong in ["", "1/0", "a", "1/2/3", "nan", "inf"] {
             assert!(fraction(wrong).is_err(), "{wrong}");
         }
+    }
+
+    #[test]
+    fn complaints_take_one_line() {
+        let error = Arguments::try_parse_from(["phasewalk", "phase", "F.npy", "-o", "C.csv"]);
+        let line = one_line(&error.unwrap_err().to_string());
+        assert!(
+            !line.contains('\n') && line.contains("--mask") && line.contains("--help"),
+            "{line}"
+        );
+        assert!(!line.contains("Usage"), "{line}");
     }
 
     #[test]

@@ -16,7 +16,7 @@ use crate::series::{Survey, survey};
 use clap::ValueEnum;
 use phasewalk_core::weights::{Weighting, gaussian_looks};
 use serde_json::{Value, json};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Options of `phase`.
@@ -176,16 +176,18 @@ pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let shape = series.shape();
     let depths = Depths::for_volume(arguments.layers.clone(), shape.depth)?;
     let (lag, frame) = (arguments.max_lag, arguments.reference_frame);
-    let mut plan = Plan::new(arguments.method(), shape.frames, lag, frame, depths)?;
+    let about = |error: Error| error.about(&arguments.series);
+    let mut plan =
+        Plan::new(arguments.method(), shape.frames, lag, frame, depths).map_err(about)?;
     if let Some(times) = series.times_s() {
-        check_times(times)?;
+        check_times(times).map_err(about)?;
         plan.times_s = times.to_vec();
     }
     let task = Task { arguments, common, series: series.as_ref(), plan, start: Instant::now() };
     match (&arguments.mask, arguments.gaussian) {
-        (Some(mask), _) => {
-            let mask = read_mask(mask, shape.height, shape.width)?;
-            task.curve(&mask)
+        (Some(path), _) => {
+            let mask = read_mask(path, shape.height, shape.width)?;
+            task.curve(&mask, path)
         }
         (None, sigma) => task.images(sigma.unwrap_or_default()),
     }
@@ -210,14 +212,15 @@ struct Task<'a> {
 }
 
 impl Task<'_> {
-    fn curve(&self, mask: &[bool]) -> Result<()> {
+    fn curve(&self, mask: &[bool], mask_path: &Path) -> Result<()> {
         let Shape { frames, width, .. } = self.series.shape();
         let depths = self.plan.depths.all();
-        let survey = survey(self.series, &depths)?;
+        let survey = self.survey()?;
         let asked = mask.iter().filter(|&&inside| inside).count();
         let memory = Region::bytes(asked, frames, depths.len());
         let progress = Progress::new("phase curve", 2 * frames as u64);
-        let region = Region::read(self.series, &survey, mask, &self.plan, &progress)?;
+        let region = Region::read(self.series, &survey, mask, &self.plan, &progress)
+            .map_err(|error| error.about(mask_path))?;
         let coherence = self.coherence(&survey)?;
         let usable: Vec<bool> = mask.iter().zip(&survey.valid).map(|(&m, &v)| m && v).collect();
         let effective = coherence.looks_of_mask(&usable, width);
@@ -242,7 +245,7 @@ impl Task<'_> {
         let double = self.arguments.precision == Precision::F64;
         let kernel = Kernel::new(sigma_px, height, width, double)?;
         let path = LanePath::best()?;
-        let survey = survey(self.series, &self.plan.depths.all())?;
+        let survey = self.survey()?;
         let effective = self.coherence(&survey)?.looks_of_kernel(&kernel);
         let job = ImageJob {
             series: self.series,
@@ -289,6 +292,11 @@ impl Task<'_> {
         };
         self.report(&format!("{width} x {height} pixels{left_out}"), facts, &files);
         Ok(())
+    }
+
+    fn survey(&self) -> Result<Survey> {
+        survey(self.series, &self.plan.depths.all())
+            .map_err(|error| error.about(&self.arguments.series))
     }
 
     fn coherence(&self, survey: &Survey) -> Result<SpatialCoherence> {

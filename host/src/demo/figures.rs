@@ -12,7 +12,7 @@ use std::f64::consts::PI;
 const STEP_COHERENCE: f64 = 0.12;
 
 /// Figure 2: the phase by direct difference and by the extended method, early and late, and the
-/// speckle it came from (paper lines 440-449).
+/// speckle it came from (paper lines 431-438).
 #[must_use]
 pub fn phase_images(setup: &Setup, scenes: &[SceneResult]) -> Canvas {
     let phases: Vec<(String, &Snapshot)> = scenes.iter().flat_map(changed).collect();

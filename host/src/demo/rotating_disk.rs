@@ -5,7 +5,7 @@
 //!
 //! At the rim the phase changes by 2 rad per shot, so it wraps within two shots. The extended method
 //! unwraps an early phase against the D = 10 before it, which it takes for free of wrapping (paper
-//! line 846); here that does not hold. Steps of one shot stay below π, and the one-step walk needs
+//! line 842); here that does not hold. Steps of one shot stay below π, and the one-step walk needs
 //! nothing more.
 
 use super::errors::{rms, wrapped};

@@ -55,7 +55,7 @@ impl Setup {
         Self { scene, gaussian_px: 5.0, looks: Looks::Effective, ..Self::paper(seed, threads) }
     }
 
-    /// The paper's scene at full size (lines 612-645).
+    /// The paper's scene at full size (lines 613-642).
     #[must_use]
     pub fn paper(seed: u64, threads: usize) -> Self {
         Self {

@@ -1,6 +1,6 @@
 //! Simulated recordings whose true phase is known.
 //!
-//! `simulate speckle` is the scene of the paper (lines 612–645): point scatterers in random motion,
+//! `simulate speckle` is the scene of the paper (lines 613–642): point scatterers in random motion,
 //! an x-shaped region that also moves as a whole, seen through a limited aperture.
 //!
 //! ```text

@@ -46,7 +46,7 @@ impl Block {
     }
 
     /// The scatterers that are inside the mask now, before their random step, move by `drift`
-    /// (fraction of a turn, unit 2⁻³²; lines 633–645).
+    /// (fraction of a turn, unit 2⁻³²; lines 635–642).
     #[inline(always)]
     fn drift(&mut self, drift: u32, raster: &Raster) {
         let mut pixels = [0; BLOCK];

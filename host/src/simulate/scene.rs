@@ -18,7 +18,7 @@ const _: () = {
     assert!(longest / PITCHES[0] < FIXED_LIMIT as f64 && 2.0 * longest < FIXED_LIMIT as f64);
 };
 
-/// The scene of the paper (lines 612–645): scatterers between 0 and 10λ deep that walk at random,
+/// The scene of the paper (lines 613–642): scatterers between 0 and 10λ deep that walk at random,
 /// and an x-shaped region that also moves as a whole.
 ///
 /// The complex field is U(t, y, x) = Σ A exp(i 2k z), k = 2π/λ, summed over the scatterers inside
@@ -40,7 +40,7 @@ pub struct SpeckleScene {
     pub width: usize,
     /// Pixels along y (line 613: 368).
     pub height: usize,
-    /// Number of frames (line 628: 70).
+    /// Number of frames (line 629: 70).
     pub frames: usize,
     /// Scatterers per pixel on average (line 616: 50).
     pub scatterers_per_pixel: usize,

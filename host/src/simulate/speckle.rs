@@ -1,4 +1,4 @@
-//! The simulation itself, frame after frame (paper, lines 612–645).
+//! The simulation itself, frame after frame (paper, lines 613–642).
 //!
 //! Only the scatterers and a few images are in memory: frames are handed out one by one.
 

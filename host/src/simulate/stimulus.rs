@@ -1,12 +1,12 @@
-//! What the scene does on purpose: an x-shaped region moves along z (paper, lines 633–645).
+//! What the scene does on purpose: an x-shaped region moves along z (paper, lines 635–642).
 
-/// Frame t₀ of the first systematic movement (line 644).
+/// Frame t₀ of the first systematic movement (line 642).
 pub const START_FRAME: usize = 5;
-/// Steady movement per frame, in wavelengths: λ/400 (line 639).
+/// Steady movement per frame, in wavelengths: λ/400 (line 638).
 pub const VELOCITY_WAVELENGTHS: f64 = 1.0 / 400.0;
-/// Amplitude of the modulation of the movement per frame, in wavelengths: λ/800 (line 639).
+/// Amplitude of the modulation of the movement per frame, in wavelengths: λ/800 (line 638).
 pub const MODULATION_WAVELENGTHS: f64 = 1.0 / 800.0;
-/// Angular frequency of the modulation, radians per frame (line 639).
+/// Angular frequency of the modulation, radians per frame (line 638).
 pub const MODULATION_RAD_PER_FRAME: f64 = 0.1;
 
 /// Half the width of a bar of the x, and half its length, both over min(width, height).
