@@ -90,14 +90,14 @@ mod tests {
     fn stream_gives_each_pair_once_newest_lag_first() {
         let mut stream = CrossSpectrumStream::<f64, 2, 3>::new();
         let mut pairs = [[0; 3]; 6];
-        for n in 0..6_usize {
+        for (n, seen) in pairs.iter_mut().enumerate() {
             let angle = 0.1 * n as f64;
             let field = [Complex::from_polar(1.0, angle), Complex::from_polar(2.0, angle + 1.0)];
             let mut expected_lag = 1;
             stream.push(&field, |lag, mean| {
                 assert_eq!(lag, expected_lag);
                 expected_lag += 1;
-                pairs[n][lag - 1] += 1;
+                seen[lag - 1] += 1;
                 assert!((mean.cross.arg() + 0.1 * lag as f64).abs() < 1e-14);
                 assert!((mean.cross.norm() - 2.5).abs() < 1e-14, "(1 + 4) / 2");
                 assert!((mean.coherence_squared() - 1.0).abs() < 1e-14);
