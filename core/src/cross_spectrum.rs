@@ -11,10 +11,13 @@ use num_complex::Complex;
 #[inline(always)]
 #[must_use]
 pub fn cross_spectrum<T: Scalar>(earlier: Complex<T>, later: Complex<T>) -> Complex<T> {
-    Complex {
-        re: earlier.re.mul_add(later.re, earlier.im * later.im),
-        im: earlier.im.mul_add(later.re, -(earlier.re * later.im)),
-    }
+    times_conjugate(earlier, later)
+}
+
+/// a * conj b.
+#[inline(always)]
+pub(crate) fn times_conjugate<T: Scalar>(a: Complex<T>, b: Complex<T>) -> Complex<T> {
+    Complex { re: a.re.mul_add(b.re, a.im * b.im), im: a.im.mul_add(b.re, -(a.re * b.im)) }
 }
 
 /// The last `LAGS` frames of `PIXELS` pixels, and with each new frame the cross-spectra that end

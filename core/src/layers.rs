@@ -1,5 +1,6 @@
 //! Phase between two depths: the cross-spectrum of a layer difference.
 
+use crate::cross_spectrum::times_conjugate;
 use crate::scalar::Scalar;
 use num_complex::Complex;
 
@@ -12,10 +13,7 @@ use num_complex::Complex;
 #[inline(always)]
 #[must_use]
 pub fn layer_difference<T: Scalar>(first: Complex<T>, second: Complex<T>) -> Complex<T> {
-    Complex {
-        re: first.re.mul_add(second.re, first.im * second.im),
-        im: first.im.mul_add(second.re, -(first.re * second.im)),
-    }
+    times_conjugate(first, second)
 }
 
 #[cfg(test)]

@@ -28,7 +28,7 @@ tolerances! {
     SIGMA_IMAGE_RELATIVE = 5e-3, "relative: standard deviations in f32, where 1 - |gamma|^2 loses the \
         digits that the coherence has in common with 1.";
     TIE_RAD = 1e-3, "rad: two sums of the unwrapping that differ by less are a near-tie \
-        (estimators.md): either branch is the paper's, and phases may differ by turns.";
+        (docs/mathematics.md): either branch is the paper's, and phases may differ by turns.";
     EXACT_TIE_RAD = 1e-9, "rad: the same in f64, whose sums of ten phases below 1e3 rad are good to 1e-12.";
     THRESHOLD_TIE = 1e-5, "coherence: the Fisher weight jumps at its threshold; f32 coherences are \
         good to 1e-6.";
@@ -45,6 +45,12 @@ tolerances! {
         independent speckles per frame, which leaves 0.02 at long lags.";
     STANDARD_SCORE = 4.0, "standard deviations: with fixed seeds a chance of 1 in 16,000 for a number \
         that is right.";
+    DISK_SLOPE_X = 0.3, "rad/mm: the law of the measured disk, -8.1 rad/mm over 31 shots, is itself a fit \
+        to the whole image; two windows of the disk differ by 0.1.";
+    DISK_SLOPE_Z = 0.3, "rad/mm: a rigid rotation has none; a tilt of the disk by 2 degrees would show as \
+        this.";
+    DISK_RANDOM_RAD = 0.1, "rad: a uniformly random phase has an rms of pi / sqrt(3) = 1.81 rad; about 100 \
+        independent places leave 0.05.";
     LEAK_RAD = 2e-3, "rad per frame: the aperture's side lobes bring about one per cent of the light \
         of the moving x (0.03 rad per frame) to its surroundings.";
 }
