@@ -5,9 +5,9 @@ use core::f64::consts::{PI, TAU};
 use num_complex::Complex;
 
 /// Direct phase difference to the frame t_0, wrapped, radians (paper lines 410 and 975-984, with the
-/// sign of C): phi(t) - phi(t_0) = -arg <C(t_0, t - t_0)>.
+/// sign of C): phi(t) - phi(t_0) = -arg ⟨C(t_0, t - t_0)⟩.
 ///
-/// `cross` is <U(t_0) conj U(t)>, for t before or after t_0 alike; 0 at t = t_0.
+/// `cross` is ⟨U(t_0) conj U(t)⟩, for t before or after t_0 alike; 0 at t = t_0.
 #[inline(always)]
 #[must_use]
 pub fn direct_difference<T: Scalar>(cross: Complex<T>) -> T {
@@ -15,7 +15,7 @@ pub fn direct_difference<T: Scalar>(cross: Complex<T>) -> T {
 }
 
 /// One-step Knox-Thompson walk (paper line 421, with the sign of C):
-/// phi(t) = phi(t-1) - arg <C(t-1, 1)>, radians; `cross` is <C(t-1, 1)>.
+/// phi(t) = phi(t-1) - arg ⟨C(t-1, 1)⟩, radians; `cross` is ⟨C(t-1, 1)⟩.
 #[inline(always)]
 #[must_use]
 pub fn one_step<T: Scalar>(previous_phase: T, cross: Complex<T>) -> T {
@@ -46,7 +46,7 @@ pub fn unwrap_in_time<T: Scalar>(phases: &mut [T]) {
 /// Variance of the direct difference of `frame` against the mean of the reference frames, rad^2.
 ///
 /// `variances` holds that of each frame's pair with t_0 (0 at t_0 itself); pairs are taken as
-/// independent: var = sum over j of (delta_{frame,j} - [j < N_0] / N_0)^2 v_j.
+/// independent: var = sum over j of (delta_{frame,j} - 1{j < N_0} / N_0)^2 v_j.
 #[must_use]
 pub fn direct_variance(variances: &[f64], frame: usize, reference_frames: usize) -> f64 {
     let references = reference_frames.clamp(1, variances.len().max(1));
@@ -60,7 +60,7 @@ pub fn direct_variance(variances: &[f64], frame: usize, reference_frames: usize)
 /// Variance of the one-step walk at `frame` against the mean of the reference frames, rad^2.
 ///
 /// `variances` holds that of each step (k, k+1), taken as independent, which steps of a random walk
-/// are: var = sum over k of ([k < frame] - share of the reference frames after k)^2 v_k.
+/// are: var = sum over k of (1{k < frame} - share of the reference frames after k)^2 v_k.
 #[must_use]
 pub fn one_step_variance(variances: &[f64], frame: usize, reference_frames: usize) -> f64 {
     let references = reference_frames.clamp(1, variances.len() + 1);

@@ -10,7 +10,7 @@ use crate::unwrap::Unwrapper;
 
 /// Phases of a series against the mean of its reference frames (paper lines 850-948), radians.
 ///
-/// `pair(t, dt)` gives (arg <C(t,dt)> wrapped, weight w) and is called with t ascending and, within
+/// `pair(t, dt)` gives (arg ⟨C(t,dt)⟩ wrapped, weight w) and is called with t ascending and, within
 /// t, dt = 1, 2, ... up to the largest lag. `times` are the N acquisition times, ascending. Results go
 /// to `phases` and `measured` (1 where some pair has a weight above 0), N entries each; `solver`
 /// holds at least N rows and is left finished, for `variance::phase_variance`.

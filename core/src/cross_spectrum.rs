@@ -1,13 +1,13 @@
 //! The cross-spectrum C(t,dt) = U(t) * conj U(t+dt), of two fields and as a stream of frames.
 
 use crate::ensemble::{Ensemble, PairMean};
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, is_number};
 use heapless::Deque;
 use num_complex::Complex;
 
 /// C(t,dt) = U(t) * conj U(t+dt) (paper line 720), so arg C = phi(t) - phi(t+dt).
 ///
-/// `earlier` is U(t), `later` is U(t+dt), of one pixel, in any unit.
+/// `earlier` is U(t), `later` is U(t+dt), of one pixel.
 #[inline(always)]
 #[must_use]
 pub fn cross_spectrum<T: Scalar>(earlier: Complex<T>, later: Complex<T>) -> Complex<T> {
@@ -31,7 +31,7 @@ pub struct CrossSpectrumStream<T, const PIXELS: usize, const LAGS: usize> {
 #[derive(Clone, Debug)]
 struct Past<T, const PIXELS: usize> {
     field: [Complex<T>; PIXELS],
-    /// <|U|^2> over the pixels.
+    /// ⟨|U|²⟩ over the pixels.
     power: T,
 }
 
@@ -42,9 +42,10 @@ impl<T: Scalar, const PIXELS: usize, const LAGS: usize> CrossSpectrumStream<T, P
         Self { past: Deque::new() }
     }
 
-    /// Take frame n and give `each(dt, <C(n-dt, dt)>)` for dt = 1, 2, ... up to `LAGS` or the first
+    /// Take frame n and give `each(dt, ⟨C(n-dt, dt)⟩)` for dt = 1, 2, ... up to `LAGS` or the first
     /// frame, whichever is nearer.
     pub fn push(&mut self, field: &[Complex<T>; PIXELS], mut each: impl FnMut(usize, PairMean<T>)) {
+        let field = &field.map(dark_if_not_finite);
         let power = mean_over_pixels(field, field, T::one(), T::one()).cross.re;
         for (age, past) in self.past.iter().enumerate() {
             each(age + 1, mean_over_pixels(&past.field, field, past.power, power));
@@ -63,6 +64,13 @@ impl<T: Scalar, const PIXELS: usize, const LAGS: usize> Default
     fn default() -> Self {
         Self::new()
     }
+}
+
+/// The field, or 0 where a part of it is NaN or infinite.
+fn dark_if_not_finite<T: Scalar>(u: Complex<T>) -> Complex<T> {
+    let finite = is_number(u.re.abs() + u.im.abs());
+    let keep = |x: T| T::select(finite, x, T::zero());
+    Complex { re: keep(u.re), im: keep(u.im) }
 }
 
 /// Ensemble mean of the pair (`earlier`, `later`) over all pixels.

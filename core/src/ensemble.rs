@@ -7,16 +7,16 @@ use num_complex::Complex;
 /// What the method needs of one pair of frames (t, t+dt), averaged over the ensemble.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PairMean<T> {
-    /// <C>: its argument is the phase difference phi(t) - phi(t+dt), in radians.
+    /// ⟨C⟩: its argument is the phase difference phi(t) - phi(t+dt), in radians.
     pub cross: Complex<T>,
-    /// <C/|C|>: its modulus, 0..1, tells how far the phase can be trusted.
+    /// ⟨C/|C|⟩: its modulus, 0..1, tells how far the phase can be trusted.
     pub phasor: Complex<T>,
-    /// <C(t,0)> * <C(t+dt,0)>: the product of the two mean powers, for the coherence.
+    /// ⟨C(t,0)⟩ * ⟨C(t+dt,0)⟩: the product of the two mean powers, for the coherence.
     pub power: T,
 }
 
 impl<T: Scalar> PairMean<T> {
-    /// Wrapped phase difference arg <C>, radians in -pi..=pi: that of the systematic phase, because <C_H>
+    /// Wrapped phase difference arg ⟨C⟩, radians in -pi..=pi: that of the systematic phase, because ⟨C_H⟩
     /// is real at small dt (paper lines 955-971).
     #[inline(always)]
     #[must_use]
@@ -24,23 +24,31 @@ impl<T: Scalar> PairMean<T> {
         self.cross.im.atan2(self.cross.re)
     }
 
-    /// |gamma|^2 = |<C>|^2 / (<C(t,0)> <C(t+dt,0)>), 0..1; 0 where there is no light.
-    ///
-    /// With C the plain cross-spectrum, <C(t,0)> is the mean intensity <|U(t)|^2>; with C the layer
-    /// difference it is the mean product of the two layers' intensities. By the Cauchy-Schwarz
-    /// inequality neither exceeds 1 but for rounding, which is cut off.
+    /// |gamma|^2, see [`coherence_squared`].
     #[inline(always)]
     #[must_use]
     pub fn coherence_squared(&self) -> T {
-        let square = self.cross.re.mul_add(self.cross.re, self.cross.im * self.cross.im);
-        let lit = T::zero().lt(self.power);
-        let ratio = square / T::select(lit, self.power, T::one());
-        T::select(lit, ratio.min(T::one()), T::zero())
+        coherence_squared(self.cross, self.power)
     }
 }
 
+/// |gamma|^2 = |⟨C⟩|^2 / (⟨C(t,0)⟩ ⟨C(t+dt,0)⟩), 0..1; 0 where there is no light. `power` is the product
+/// of the two means.
+///
+/// With C the plain cross-spectrum, ⟨C(t,0)⟩ is the mean intensity ⟨|U(t)|²⟩; with C the layer
+/// difference it is the mean product of the two layers' intensities. By the Cauchy-Schwarz
+/// inequality neither exceeds 1 but for rounding, which is cut off.
+#[inline(always)]
+#[must_use]
+pub fn coherence_squared<T: Scalar>(cross: Complex<T>, power: T) -> T {
+    let square = cross.re.mul_add(cross.re, cross.im * cross.im);
+    let lit = T::zero().lt(power);
+    let ratio = square / T::select(lit, power, T::one());
+    T::select(lit, ratio.min(T::one()), T::zero())
+}
+
 /// Running mean of the cross-spectrum over the pixels of a mask M (paper lines 739-747):
-/// <C(t,dt)>_M = 1/|M| * sum over (x,y) in M of C(x,y; t,dt), and the same of C/|C| (line 770).
+/// ⟨C(t,dt)⟩_M = 1/|M| * sum over (x,y) in M of C(x,y; t,dt), and the same of C/|C| (line 770).
 #[derive(Clone, Copy, Debug)]
 pub struct Ensemble<T> {
     cross: Complex<T>,
@@ -69,7 +77,7 @@ impl<T: Scalar> Ensemble<T> {
     }
 
     /// The mean over all pixels so far (zero for none). `earlier_power` and `later_power` are
-    /// <C(t,0)> and <C(t+dt,0)> over the same pixels.
+    /// ⟨C(t,0)⟩ and ⟨C(t+dt,0)⟩ over the same pixels.
     #[inline]
     #[must_use]
     pub fn mean(&self, earlier_power: T, later_power: T) -> PairMean<T> {

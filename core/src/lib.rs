@@ -10,9 +10,9 @@
 //! U(t), U(t+dt)
 //!   | cross_spectrum   C(t,dt) = U(t) conj U(t+dt)                  paper line 720
 //!   | layers           C of a layer difference (optional)           727-735
-//!   | ensemble         <C>, <C/|C|> over a mask                     739-745, 770
-//!   | weights          w = T(|<C/|C|>| - b), looks, pair variance   769-819
-//!   | unwrap           arg <C> along dt, D = 10 neighbours          834-842
+//!   | ensemble         ⟨C⟩, ⟨C/|C|⟩ over a mask                     739-745, 770
+//!   | weights          w = T(|⟨C/|C|⟩| - b), looks, pair variance   769-819
+//!   | unwrap           arg ⟨C⟩ along dt, D = 10 neighbours          834-842
 //!   | solver           normal equations, elimination                850-936
 //!   | regularize       Gamma_1, Gamma_2                             913-936
 //!   | reference        minus the mean of the first N_0 frames       945-948

@@ -52,7 +52,7 @@ impl Difference {
 pub struct Params {
     /// L: pairs (t, t + dt) are used for dt = 1..=L. L = N - 1 uses all pairs, as the paper does.
     pub max_lag: usize,
-    /// mu_2, see [`DIFFERENCE_STRENGTH`]; above 0.
+    /// mu_2, see [`DIFFERENCE_STRENGTH`]; 1e-9 ..= 1e3, so that `f32` holds its square.
     pub difference_strength: f64,
     /// Which difference mu_2 weighs.
     pub difference: Difference,
@@ -91,8 +91,8 @@ impl Params {
         if self.max_lag < self.difference.reach() {
             return fail("max lag", self.max_lag as f64, "at least 2 for second differences");
         }
-        if !(self.difference_strength > 0.0 && self.difference_strength.is_finite()) {
-            return fail("difference strength", self.difference_strength, "above 0 and finite");
+        if !(1e-9..=1e3).contains(&self.difference_strength) {
+            return fail("difference strength", self.difference_strength, "1e-9 ..= 1e3");
         }
         if self.reference_frames == 0 {
             return fail("number of reference frames", 0.0, "at least 1");

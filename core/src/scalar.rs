@@ -59,7 +59,7 @@ pub trait Scalar:
     /// `self * factor + term`; lanes fuse the two roundings where the machine can.
     fn mul_add(self, factor: Self, term: Self) -> Self;
 
-    /// 1 / sqrt(self), for self > 0; lanes may be one unit in the last place less exact.
+    /// 1 / sqrt(self), for normal numbers above 0; lanes may be one unit in the last place less exact.
     #[inline(always)]
     fn inverse_sqrt(self) -> Self {
         Self::one() / self.sqrt()
@@ -88,6 +88,12 @@ pub trait Scalar:
     fn min(self, other: Self) -> Self {
         Self::select(other.lt(self), other, self)
     }
+}
+
+/// Is it finite? (Below 1e30, which no phase and no field that can be squared in `f32` reaches.)
+#[inline(always)]
+pub(crate) fn is_number<T: Scalar>(x: T) -> T::Mask {
+    x.abs().lt(T::from_f64(1e30))
 }
 
 /// What `f32` and `f64` share, but for the two transcendental functions.

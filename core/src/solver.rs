@@ -5,7 +5,7 @@
 //! sum over pairs (t,dt), dt <= L, of w(t,dt)^2 (phi_t - phi_{t+dt} - c(t,dt))^2 + mu_2^2 |Gamma_2 phi|^2,
 //! phi_g = 0,
 //!
-//! with c = unwrapped arg <C(t,dt)>. The normal matrix S^T W^2 S + mu_2^2 Gamma_2^T Gamma_2 is that of an
+//! with c = unwrapped arg ⟨C(t,dt)⟩. The normal matrix S^T W^2 S + mu_2^2 Gamma_2^T Gamma_2 is that of an
 //! electrical network: each pair is a link of conductance a = w^2 and source c between the nodes t
 //! and t+dt, and the gauge frame g is ground. Eliminating a node (one column of an LDL^T
 //! factorisation) joins its neighbours by new links. Two things make this good in `f32`:
@@ -25,7 +25,7 @@
 //! L = N - 1 the result is the paper's batch solution.
 
 use crate::reference::reference_mean;
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, is_number};
 use crate::storage::{Link, Matrix, Node};
 use core::marker::PhantomData;
 
@@ -162,15 +162,17 @@ where
         }
     }
 
-    /// Add the pair (t, t+dt): unwrapped phase c = phi_t - phi_{t+dt} in radians, weight w >= 0.
+    /// Add the pair (t, t+dt): unwrapped phase c = phi_t - phi_{t+dt} in radians, weight w >= 0. A pair
+    /// whose phase or weight is not a number measures nothing.
     /// Both frames must have begun and neither be eliminated; other pairs change nothing.
     #[inline(always)]
     pub fn add_pair(&mut self, t: usize, dt: usize, phase: T, weight: T) {
         let Some(link) = self.link_mut(t, dt) else { return };
-        let conductance = weight * weight;
+        // False for a weight or a phase that is NaN too, which must not enter the network.
+        let seen = T::zero().lt(T::select(is_number(phase), weight, T::zero()));
+        let conductance = T::select(seen, weight * weight, T::zero());
         link.conductance += conductance;
-        link.flux = conductance.mul_add(phase, link.flux);
-        let seen = T::zero().lt(weight);
+        link.flux += T::select(seen, conductance * phase, T::zero());
         for frame in [t, t + dt] {
             let Some(node) = self.node_mut(frame) else { return };
             node.measured = T::select(seen, T::one(), node.measured);
@@ -369,7 +371,7 @@ where
             pivot += link.conductance;
             outflow += link.flux;
         }
-        let inverse = T::one() / pivot;
+        let inverse = divide_by_pivot(T::one(), pivot);
         self.reference_sum += node.reference * outflow * inverse;
         if let Some(node) = self.nodes.as_mut().get_mut(slot) {
             node.pivot = pivot;

@@ -1,10 +1,10 @@
 //! Unwrapping the phase of the cross-spectrum along dt, robust against single outliers.
 
 use crate::params::UNWRAP_NEIGHBOURS;
-use crate::scalar::{Mask, Scalar};
+use crate::scalar::{Mask, Scalar, is_number};
 use core::f64::consts::{PI, TAU};
 
-/// One row arg<C(t, dt)>, dt = 0, 1, 2, ... of one t, unwrapped as it arrives (paper lines 834-842).
+/// One row arg⟨C(t, dt)⟩, dt = 0, 1, 2, ... of one t, unwrapped as it arrives (paper lines 834-842).
 ///
 /// The first D phases, dt = 0 (phase 0) included, are taken to be free of wrapping. Each later one
 /// is moved by 2 pi up or down as long as that lowers the sum of its absolute differences to the
@@ -26,9 +26,12 @@ impl<T: Scalar, const D: usize> Unwrapper<T, D> {
         Self { recent: [T::zero(); D], known: 1 }
     }
 
-    /// Take the wrapped phase of the next dt, give the unwrapped one; radians.
+    /// Take the wrapped phase of the next dt, give the unwrapped one; radians. In place of one that is
+    /// not a number the phase before it is remembered (and given).
     #[inline(always)]
     pub fn push(&mut self, wrapped: T) -> T {
+        let before = self.recent.get((self.known + D - 1) % D).copied().unwrap_or(T::zero());
+        let wrapped = T::select(is_number(wrapped), wrapped, before);
         let phase = if self.known < D { wrapped } else { nearest_branch(wrapped, &self.recent) };
         if let Some(place) = self.recent.get_mut(self.known % D) {
             *place = phase;

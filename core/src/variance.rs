@@ -14,7 +14,8 @@
 //! by up to the square root of the number of pairs that bridge one step.
 //!
 //! A prior link (Gamma_2) of conductance a counts as a measurement of variance 1/a, that is
-//! (1/mu_2)^2 = (1000 rad)^2: a frame that nothing but Gamma_2 holds reports hundreds of radians.
+//! (1/mu_2)^2 = (1000 rad)^2: a frame that nothing but Gamma_2 holds reports hundreds of radians. Where
+//! no reference frame was measured the standard deviation of all frames is infinite.
 
 use crate::scalar::Scalar;
 use crate::solver::{Eliminated, Solver, divide_by_pivot};
@@ -57,7 +58,13 @@ where
             variance = (q * difference).mul_add(difference, variance);
         }
     }
-    variance
+    infinite_without_reference(variance, count)
+}
+
+/// The variance, or infinity where no reference frame was measured.
+#[inline(always)]
+fn infinite_without_reference<T: Scalar>(variance: T, references: T) -> T {
+    T::select(T::zero().lt(references), variance, T::from_f64(f64::INFINITY))
 }
 
 /// Noise of one frame's right-hand side.
@@ -169,7 +176,7 @@ impl<T: Scalar, const ROWS: usize, const LAGS: usize> NoiseStream<T, ROWS, LAGS>
         let two = T::from_f64(2.0);
         let variance = newest * newest * noise.own - two * newest * mean * noise.with_reference
             + mean * mean * self.reference_variance;
-        variance.max(T::zero())
+        infinite_without_reference(variance.max(T::zero()), solver.reference_count())
     }
 }
 

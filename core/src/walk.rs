@@ -27,7 +27,8 @@ pub struct Estimate<T> {
 /// Streaming solution over `PIXELS` pixels with pairs up to `LAGS` frames apart and `ROWS` >= `LAGS` + 1
 /// frames of history.
 ///
-/// Memory: LAGS complex fields and about 2 ROWS (LAGS + 4) + 11 LAGS numbers.
+/// Memory: LAGS complex fields and 3 ROWS LAGS + 7 ROWS + 12 LAGS numbers; [`Self::push`] takes 3 ROWS LAGS
+/// + 7 ROWS of them once more on the stack, to look ahead on a copy.
 #[derive(Clone, Debug)]
 pub struct Walk<T, const PIXELS: usize, const LAGS: usize, const ROWS: usize> {
     params: Params,

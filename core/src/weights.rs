@@ -4,12 +4,16 @@ use crate::ensemble::PairMean;
 use crate::scalar::Scalar;
 use num_complex::Complex;
 
-/// C/|C|, and 0 where C is 0 (dark or masked pixels).
+/// |C|^2 below which a pixel counts as dark: the smallest normal `f32`, under which reciprocal roots
+/// lose their digits.
+const DARK: f64 = f32::MIN_POSITIVE as f64;
+
+/// C/|C|, and 0 where C is 0 or |C| below 1e-19 (dark or masked pixels).
 #[inline(always)]
 #[must_use]
 pub fn unit_phasor<T: Scalar>(c: Complex<T>) -> Complex<T> {
     let square = c.re.mul_add(c.re, c.im * c.im);
-    let lit = T::zero().lt(square);
+    let lit = T::from_f64(DARK).lt(square);
     let inverse = T::select(lit, T::select(lit, square, T::one()).inverse_sqrt(), T::zero());
     Complex { re: c.re * inverse, im: c.im * inverse }
 }
@@ -43,16 +47,20 @@ pub fn effective_looks(terms: impl Iterator<Item = f64>) -> f64 {
     if sum > 0.0 { 1.0 / sum } else { 0.0 }
 }
 
-/// |gamma|^2 without the bias of a finite number of looks: (L |gamma|^2 - 1) / (L - 1), at least 0.
+/// |gamma|^2 without the bias of a finite number of looks: (L |gamma|^2 - 1) / (L - 1), at least 0. With
+/// fewer than two looks nothing is known of it: 0.
 #[inline(always)]
 #[must_use]
 pub fn debias<T: Scalar>(coherence_squared: T, looks: f64) -> T {
-    let share = 1.0 / (looks - 1.0).max(1.0);
+    if looks < 2.0 {
+        return T::zero();
+    }
+    let share = 1.0 / (looks - 1.0);
     let unbiased = coherence_squared.mul_add(T::from_f64(looks * share), T::from_f64(-share));
     unbiased.max(T::zero())
 }
 
-/// Variance, in rad^2, of arg<C> for |gamma|^2 (debiased) and `looks` independent looks:
+/// Variance, in rad^2, of arg⟨C⟩ for |gamma|^2 (debiased) and `looks` independent looks:
 /// (1 - |gamma|^2) / (2 L |gamma|^2), but never above pi^2/3, that of a uniformly random phase.
 /// (Rodriguez & Martin 1992, high-coherence limit of the phase's Cramer-Rao bound.)
 #[inline(always)]
@@ -68,7 +76,7 @@ pub fn pair_variance<T: Scalar>(coherence_squared: T, looks: f64) -> T {
 /// Which weight multiplies a pair's residual (its square enters the normal equations).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Weighting {
-    /// w = T(|<C/|C|>| - b) with T(x) = max(x, 0) (paper lines 769-784, read as a mean and its modulus).
+    /// w = T(|⟨C/|C|⟩| - b) with T(x) = max(x, 0) (paper lines 769-784, read as a mean and its modulus).
     Paper,
     /// w = |gamma|^2 / (1 - |gamma|^2) with |gamma|^2 debiased, 0 where |gamma| < b: the Fisher
     /// information of the pair's phase. That it enters squared is an empirical choice; pairs are

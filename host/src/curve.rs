@@ -1,5 +1,6 @@
 //! The phase curve of a region: the ensemble average is the mean over a mask, in `f64`.
 
+use crate::allocate::{reserve, zeros};
 use crate::error::{Error, Result};
 use crate::io::{CurveRow, Series, Shape};
 use crate::method::{Method, Plan};
@@ -60,8 +61,8 @@ impl Region {
             )));
         }
         let depths = plan.depths.all();
-        let mut fields = Vec::with_capacity(chosen.len() * frames * depths.len());
-        let mut image = vec![Complex32::default(); height * width];
+        let mut fields = reserve(chosen.len() * frames * depths.len(), "the pixels of the mask")?;
+        let mut image = zeros(height * width, "one frame")?;
         for frame in 0..frames {
             for &depth in &depths {
                 series.read_rows(frame, depth, 0..height, &mut image)?;

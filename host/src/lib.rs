@@ -7,6 +7,7 @@
 //! The mathematics is `phasewalk_core`'s; this crate brings the data to it in registers, all
 //! cores and bounded memory, and carries the results to files and pictures.
 
+pub mod allocate;
 pub mod cli;
 pub mod curve;
 pub mod demo;

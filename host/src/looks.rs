@@ -3,6 +3,7 @@
 //! L = 1 / sum over x,x' of w(x) w(x') |mu(x-x')|^2, where mu(d) is the spatial coherence of the field,
 //! sum_x U(x) conj U(x+d), normalised by the powers at both ends.
 
+use crate::allocate::zeros;
 use crate::error::Result;
 use crate::image::Kernel;
 use crate::io::{Series, Shape};
@@ -14,6 +15,8 @@ use rayon::prelude::*;
 
 /// Frames that the coherence is estimated from: enough for a noise of |mu|^2 far below 1 %.
 const FRAMES: usize = 8;
+/// Depths of each of them: they are held in memory.
+const DEPTHS: usize = 4;
 /// The widest distance looked at first, pixels; doubled while the coherence is still above
 /// [`STILL_COHERENT`] there.
 const FIRST_REACH: usize = 6;
@@ -28,7 +31,7 @@ pub struct SpatialCoherence {
 }
 
 impl SpatialCoherence {
-    /// Estimate from up to eight frames spread over the series, at the given depths.
+    /// Estimate from up to eight frames spread over the series, at up to four of the given depths.
     ///
     /// # Errors
     /// When the series cannot be read or the user interrupts.
@@ -38,8 +41,9 @@ impl SpatialCoherence {
         for i in 0..frames.min(FRAMES) {
             progress::check()?;
             let frame = i * (frames - 1) / (frames.min(FRAMES) - 1).max(1);
-            for &depth in depths {
-                let mut field = vec![Complex32::default(); height * width];
+            for &depth in depths.iter().take(DEPTHS) {
+                let mut field =
+                    zeros::<Complex32>(height * width, "frames for the spatial coherence")?;
                 series.read_rows(frame, depth, 0..height, &mut field)?;
                 for (u, &valid) in field.iter_mut().zip(&survey.valid) {
                     *u = if valid { *u * survey.scale } else { Complex32::default() };
@@ -110,32 +114,47 @@ impl SpatialCoherence {
     /// Effective looks of the mean under a Gaussian.
     #[must_use]
     pub fn looks_of_kernel(&self, kernel: &Kernel) -> f64 {
-        let overlap: Vec<f64> =
-            (0..=self.reach as usize).map(|d| kernel.autocorrelation(d)).collect();
+        let overlap = |side: usize| -> Vec<f64> {
+            (0..=self.reach as usize).map(|d| kernel.autocorrelation(d, side)).collect()
+        };
+        let (along_y, along_x) = (overlap(kernel.height), overlap(kernel.width));
         effective_looks(
             self.distances()
-                .map(|(dy, dx, s)| overlap[dy.unsigned_abs()] * overlap[dx.unsigned_abs()] * s),
+                .map(|(dy, dx, s)| along_y[dy.unsigned_abs()] * along_x[dx.unsigned_abs()] * s),
         )
     }
 }
 
-/// |mu(dy, dx)|^2 over all pixels x whose partner x + d lies in the image; dy >= 0.
+/// |mu(dy, dx)|^2 over all pixels x whose partner x + d lies in the image, averaged over the fields (each
+/// by itself: a phase ramp that changes with time must not cancel) and freed of the 1/pixels that
+/// random phases leave; dy >= 0.
 fn squared_coherence(fields: &[Vec<Complex32>], width: usize, dy: usize, dx: isize) -> f64 {
+    if (dy, dx) == (0, 0) {
+        return 1.0;
+    }
+    let sum: f64 = fields.iter().map(|field| squared_coherence_of(field, width, dy, dx)).sum();
+    sum / fields.len().max(1) as f64
+}
+
+fn squared_coherence_of(field: &[Complex32], width: usize, dy: usize, dx: isize) -> f64 {
     let columns = (-dx).max(0) as usize..(width as isize - dx.max(0)) as usize;
     let (mut cross, mut here, mut there) = (Complex64::default(), 0.0, 0.0);
-    for field in fields {
-        for (row, partner) in field.chunks_exact(width).zip(field.chunks_exact(width).skip(dy)) {
-            let shifted = (columns.start as isize + dx) as usize..;
-            for (u, v) in row[columns.clone()].iter().zip(&partner[shifted]) {
-                let (u, v) = (
-                    Complex64::new(f64::from(u.re), f64::from(u.im)),
-                    Complex64::new(f64::from(v.re), f64::from(v.im)),
-                );
-                cross += u * v.conj();
-                here += u.norm_sqr();
-                there += v.norm_sqr();
-            }
+    let mut places = 0;
+    for (row, partner) in field.chunks_exact(width).zip(field.chunks_exact(width).skip(dy)) {
+        let shifted = (columns.start as isize + dx) as usize..;
+        places += columns.len();
+        for (u, v) in row[columns.clone()].iter().zip(&partner[shifted]) {
+            let (u, v) = (
+                Complex64::new(f64::from(u.re), f64::from(u.im)),
+                Complex64::new(f64::from(v.re), f64::from(v.im)),
+            );
+            cross += u * v.conj();
+            here += u.norm_sqr();
+            there += v.norm_sqr();
         }
     }
-    if here * there > 0.0 { cross.norm_sqr() / (here * there) } else { 0.0 }
+    if here * there <= 0.0 {
+        return 0.0;
+    }
+    (cross.norm_sqr() / (here * there) - 1.0 / places as f64).max(0.0)
 }

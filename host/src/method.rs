@@ -176,6 +176,9 @@ impl std::str::FromStr for Depths {
         if parts.next().is_some() {
             return Err(explain());
         }
+        if second.as_ref() == Some(&first) {
+            return Err(format!("'{text}' compares a layer with itself"));
+        }
         Ok(Self { first, second })
     }
 }
@@ -190,7 +193,7 @@ mod tests {
         assert_eq!(depths, Depths { first: 3..=5, second: Some(9..=10) });
         assert_eq!(depths.all(), [3, 4, 5, 9, 10]);
         assert_eq!("7..7".parse::<Depths>().unwrap(), Depths { first: 7..=7, second: None });
-        for wrong in ["", "3", "a..b", "1..2,", "1..2,3..4,5..6", "-1..2"] {
+        for wrong in ["", "3", "a..b", "1..2,", "1..2,3..4,5..6", "-1..2", "1..2,1..2"] {
             assert!(wrong.parse::<Depths>().is_err(), "{wrong}");
         }
         assert!(Depths::for_volume(Some(depths.clone()), 11).is_ok());

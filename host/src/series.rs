@@ -58,14 +58,6 @@ impl Series for HeldSeries {
         out.copy_from_slice(held);
         Ok(())
     }
-
-    fn times_s(&self) -> Option<&[f64]> {
-        None
-    }
-
-    fn wavelength_nm(&self) -> Option<f64> {
-        None
-    }
 }
 
 /// Which pixels can be used, and how bright the series is.

@@ -2,7 +2,7 @@
 //! work against another, one kind of number against another.
 
 use num_complex::Complex;
-use phasewalk::lanes::{Array, Lanes, Path};
+use phasewalk::lanes::{LaneTask, Lanes, Path};
 use phasewalk_core::batch::solve_series;
 use phasewalk_core::cross_spectrum::cross_spectrum;
 use phasewalk_core::ensemble::{Ensemble, PairMean};
@@ -527,27 +527,22 @@ fn lanes_unwrap_as_scalars_do<L: Lanes<Element = f32>>(seed: u64) {
     }
 }
 
-fn lanes_do_as_scalars_do<L: Lanes<Element = f32>>() {
-    for seed in SEEDS {
-        lanes_solve_as_scalars_do::<L>(seed);
-        lanes_unwrap_as_scalars_do::<L>(seed);
+struct DoAsScalarsDo;
+
+impl LaneTask for DoAsScalarsDo {
+    type Output = ();
+
+    fn run<L: Lanes<Element = f32>>(self) {
+        for seed in SEEDS {
+            lanes_solve_as_scalars_do::<L>(seed);
+            lanes_unwrap_as_scalars_do::<L>(seed);
+        }
     }
 }
 
 #[test]
-fn portable_lanes_do_as_scalars_do() {
-    lanes_do_as_scalars_do::<Array<f32, 8>>();
-}
-
-#[test]
-fn vector_lanes_do_as_scalars_do() {
+fn lanes_do_as_scalars_do() {
     for path in Path::available() {
-        match path {
-            #[cfg(target_arch = "x86_64")]
-            Path::Avx512 => lanes_do_as_scalars_do::<phasewalk::lanes::x86::F32x16>(),
-            #[cfg(target_arch = "x86_64")]
-            Path::Avx2 => lanes_do_as_scalars_do::<phasewalk::lanes::x86::F32x8>(),
-            _ => lanes_do_as_scalars_do::<Array<f32, 8>>(),
-        }
+        path.run(DoAsScalarsDo).unwrap();
     }
 }

@@ -27,7 +27,8 @@ struct Arguments {
 #[derive(Debug, clap::Args)]
 struct Common {
     /// Number of threads [default: all cores]
-    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, global = true, value_name = "N", allow_negative_numbers = true,
+          value_parser = clap::value_parser!(u16).range(1..=256))]
     threads: Option<u16>,
     /// Print the summary as one line of JSON
     #[arg(long, global = true)]

@@ -14,6 +14,7 @@ use crate::method::{Depths, Method, Plan};
 use crate::progress::Progress;
 use crate::series::{Survey, survey};
 use clap::ValueEnum;
+use phasewalk_core::params::RANDOM_PROBABILITY;
 use phasewalk_core::weights::{Weighting, gaussian_looks};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -38,18 +39,18 @@ pub(super) struct Arguments {
     #[arg(long, value_enum, default_value_t = WeightsName::Paper)]
     weights: WeightsName,
     /// Use pairs of frames up to L apart (method paper) [default: all pairs]
-    #[arg(long, value_name = "L")]
+    #[arg(long, value_name = "L", allow_negative_numbers = true)]
     max_lag: Option<usize>,
     /// Frame to which the direct difference compares [default: 4, the fifth]
-    #[arg(long, value_name = "FRAME")]
+    #[arg(long, value_name = "FRAME", allow_negative_numbers = true)]
     reference_frame: Option<usize>,
     /// Depth pixels, both ends included: A..B for one layer, A..B,C..D for Z1 minus Z2
-    #[arg(long, value_name = "A..B,C..D")]
+    #[arg(long, value_name = "A..B,C..D", allow_hyphen_values = true)]
     layers: Option<Depths>,
     /// Looks for the weights' threshold: nominal (pixels of the mask, 4 pi sigma^2), effective
     /// (independent speckles, estimated from the frames) or a number
     /// [default: nominal for paper weights, effective for fisher]
-    #[arg(long, value_name = "LOOKS")]
+    #[arg(long, value_name = "LOOKS", allow_negative_numbers = true)]
     looks: Option<Looks>,
     /// Write standard deviations of images too (curves always have them)
     #[arg(long)]
@@ -57,8 +58,8 @@ pub(super) struct Arguments {
     /// Arithmetic of images (curves always use f64)
     #[arg(long, value_enum, default_value_t = Precision::F32)]
     precision: Precision,
-    /// Memory that images may take for their work, in MiB
-    #[arg(long, value_name = "MIB", default_value_t = 2048)]
+    /// Memory that images may take for their work, in MB (files held whole come on top)
+    #[arg(long, value_name = "MB", default_value_t = 2000, allow_negative_numbers = true)]
     memory: u64,
     /// Result: .csv, .npy or .zarr for a curve, .npy or .zarr for images
     #[arg(short, long, value_name = "OUT")]
@@ -166,7 +167,9 @@ impl Arguments {
         }
         let mut inputs = vec![self.series.as_path()];
         inputs.extend(self.mask.as_deref());
-        check_output(&self.output, &inputs)
+        let sigma = npy_sibling(&self.output);
+        check_output(&self.output, &inputs)?;
+        check_output(&sigma, &inputs)
     }
 }
 
@@ -193,6 +196,24 @@ pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     }
 }
 
+/// Where the standard deviations of an .npy result go.
+fn npy_sibling(output: &Path) -> PathBuf {
+    output.with_extension("sigma.npy")
+}
+
+/// Fewer than twelve looks cannot be told from random phases: the threshold is above any mean phasor.
+fn check_looks(method: Method, looks: f64, ensemble: &str) -> Result<()> {
+    let needed = -(1.0 - RANDOM_PROBABILITY).ln();
+    if !matches!(method, Method::Paper(_)) || looks > needed {
+        return Ok(());
+    }
+    Err(Error::usage(format!(
+        "{ensemble}: {looks:.1} looks cannot be told from random phases, {} are needed: average over \
+         more pixels, or take --method one-step or --looks",
+        needed.ceil()
+    )))
+}
+
 /// Gamma_2 divides by the intervals.
 fn check_times(times: &[f64]) -> Result<()> {
     let ascending = times.windows(2).all(|pair| pair[1] > pair[0]);
@@ -201,6 +222,9 @@ fn check_times(times: &[f64]) -> Result<()> {
     }
     Err(Error::failed("the series' coordinate time_s is not strictly ascending: correct it"))
 }
+
+/// A standard deviation that only Gamma_2 (1000 rad a step) leaves behind.
+const BRIDGED_RAD: f64 = 100.0;
 
 /// What the flags and the file have settled.
 struct Task<'a> {
@@ -225,6 +249,7 @@ impl Task<'_> {
         let usable: Vec<bool> = mask.iter().zip(&survey.valid).map(|(&m, &v)| m && v).collect();
         let effective = coherence.looks_of_mask(&usable, width);
         let looks = self.arguments.looks().choose(region.pixels() as f64, effective);
+        check_looks(self.plan.method, looks, "--mask")?;
         let rows = curve(&region, &self.plan, looks, effective, &progress)?;
         drop(progress);
         let mut facts = self.facts(&survey, looks, effective, memory);
@@ -236,6 +261,14 @@ impl Task<'_> {
         } else {
             String::new()
         };
+        // Bridges have hundreds of radians, measured frames at most that of a random walk.
+        let bridged = rows.iter().filter(|row| row.sigma_rad > BRIDGED_RAD).count();
+        facts.insert("frames_bridged".to_owned(), json!(bridged));
+        if bridged > 0 && !self.common.json {
+            print(&format!(
+                "{bridged} of {frames} frames have no pair above random phases: bridged"
+            ));
+        }
         self.report(&format!("{} pixels{left_out}", region.pixels()), facts, &files);
         Ok(())
     }
@@ -247,18 +280,21 @@ impl Task<'_> {
         let path = LanePath::best()?;
         let survey = self.survey()?;
         let effective = self.coherence(&survey)?.looks_of_kernel(&kernel);
+        let nominal = gaussian_looks(sigma_px).min((height * width) as f64);
+        let looks = self.arguments.looks().choose(nominal, effective);
+        check_looks(self.plan.method, looks, "--gaussian")?;
         let job = ImageJob {
             series: self.series,
             survey: &survey,
             plan: &self.plan,
             sigma_px,
-            looks: self.arguments.looks().choose(gaussian_looks(sigma_px), effective),
+            looks,
             effective_looks: effective,
             sigma: self.arguments.sigma,
             double,
             path,
             threads: self.common.threads(),
-            memory: self.arguments.memory << 20,
+            memory: self.arguments.memory.saturating_mul(1_000_000),
         };
         let memory = job.memory_plan()?;
         if !self.common.json {
@@ -278,11 +314,16 @@ impl Task<'_> {
         };
         let writer = ImageWriter::create(&self.arguments.output, layout)?;
         let progress = Progress::new("phase images", job.steps()?);
-        job.run(&progress, &|strip| {
+        let unmeasured = job.run(&progress, &|strip| {
             writer.write_strip(strip.first_row, strip.phases, strip.sigmas, strip.valid)
         })?;
         let files = writer.finish()?;
         drop(progress);
+        let mut facts = facts;
+        facts.insert("pixels_without_weight".to_owned(), json!(unmeasured));
+        if unmeasured > 0 && !self.common.json {
+            print(&format!("{unmeasured} pixels have no pair above random phases: 0 there"));
+        }
         let lost = survey.not_finite + survey.dark;
         let left_out = if lost > 0 {
             let Survey { not_finite, dark, .. } = survey;

@@ -21,26 +21,26 @@ pub(super) enum Scenes {
 #[derive(Debug, clap::Args)]
 pub(super) struct Speckle {
     /// Columns of the images
-    #[arg(long, value_name = "PX", default_value_t = 640)]
+    #[arg(long, value_name = "PX", default_value_t = 640, allow_negative_numbers = true)]
     width: usize,
     /// Rows of the images
-    #[arg(long, value_name = "PX", default_value_t = 368)]
+    #[arg(long, value_name = "PX", default_value_t = 368, allow_negative_numbers = true)]
     height: usize,
     /// Number of frames
-    #[arg(long, value_name = "N", default_value_t = 70)]
+    #[arg(long, value_name = "N", default_value_t = 70, allow_negative_numbers = true)]
     frames: usize,
     /// Random motion per frame in x, y and z: standard deviation in wavelengths, such as 1/32 or 0
     #[arg(long, value_name = "WAVELENGTHS", default_value = "1/32", value_parser = fraction,
           allow_negative_numbers = true)]
     sigma: f64,
     /// Scatterers per pixel
-    #[arg(long, value_name = "N", default_value_t = 50)]
+    #[arg(long, value_name = "N", default_value_t = 50, allow_negative_numbers = true)]
     scatterers: usize,
     /// Aperture: cut-off in cycles per wavelength
-    #[arg(long, value_name = "CYCLES", default_value_t = 0.06)]
+    #[arg(long, value_name = "CYCLES", default_value_t = 0.06, allow_negative_numbers = true)]
     na: f64,
     /// Seed of the random numbers
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
     seed: u64,
     /// Result: F.npy (complex64 (time, y, x), with F.mask.npy and F.phase.npy beside it) or F.zarr
     #[arg(short, long, value_name = "OUT")]

@@ -1,72 +1,50 @@
-//! The one program text compiled for each machine: which instance a job runs.
-//!
-//! `unsafe` is here for one reason: a function compiled for certain instructions may only be called
-//! where the processor has them, which [`entry`] asks before it hands the function out.
+//! The imaging code in the lanes of the job's precision and path.
 
 use super::worker::work;
 use super::{ImageJob, Kernel, MemoryPlan, Run};
-use crate::error::{Error, Result};
-#[cfg(target_arch = "x86_64")]
-use crate::lanes::x86::{F32x8, F32x16};
-use crate::lanes::{Array, Path};
+use crate::error::Result;
+use crate::lanes::{Array, LaneTask, Lanes};
 use std::sync::atomic::AtomicUsize;
 
-/// One thread's work: strips, numbered by the counter, until there are none left.
-pub(super) type Entry = fn(&Run<'_>, &AtomicUsize) -> Result<()>;
-
-/// The instance for the job's precision and path.
-pub(super) fn entry(job: &ImageJob<'_>) -> Result<Entry> {
-    if job.double {
-        return Ok(work::<Array<f64, 4>>);
+/// One thread: strips, numbered by the counter, until there are none left.
+pub(super) fn strips(run: &Run<'_>, next: &AtomicUsize) -> Result<()> {
+    if run.job.double {
+        return work::<Array<f64, 4>>(run, next);
     }
-    if !job.path.is_available() {
-        return Err(Error::usage(format!("{:?} is not available on this processor", job.path)));
-    }
-    Ok(match job.path {
-        #[cfg(target_arch = "x86_64")]
-        Path::Avx512 => x86::work_in_avx512,
-        #[cfg(target_arch = "x86_64")]
-        Path::Avx2 => x86::work_in_avx2,
-        _ => work::<Array<f32, 8>>,
-    })
+    run.job.path.run(Strips { run, next })?
 }
 
-/// What that instance will take.
+struct Strips<'a> {
+    run: &'a Run<'a>,
+    next: &'a AtomicUsize,
+}
+
+impl LaneTask for Strips<'_> {
+    type Output = Result<()>;
+
+    #[inline(always)]
+    fn run<L: Lanes<Element = f32>>(self) -> Result<()> {
+        work::<L>(self.run, self.next)
+    }
+}
+
+/// What that will take.
 pub(super) fn memory_plan(job: &ImageJob<'_>, kernel: &Kernel) -> Result<MemoryPlan> {
     if job.double {
         return MemoryPlan::new::<Array<f64, 4>>(job, kernel);
     }
-    match job.path {
-        #[cfg(target_arch = "x86_64")]
-        Path::Avx512 => MemoryPlan::new::<F32x16>(job, kernel),
-        #[cfg(target_arch = "x86_64")]
-        Path::Avx2 => MemoryPlan::new::<F32x8>(job, kernel),
-        _ => MemoryPlan::new::<Array<f32, 8>>(job, kernel),
-    }
+    job.path.run(Planning { job, kernel })?
 }
 
-/// All of `work` is inlined into these two and so compiled with their instructions.
-#[cfg(target_arch = "x86_64")]
-mod x86 {
-    use super::{AtomicUsize, F32x8, F32x16, Result, Run, work};
+struct Planning<'a> {
+    job: &'a ImageJob<'a>,
+    kernel: &'a Kernel,
+}
 
-    #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw,fma")]
-    fn avx512(run: &Run<'_>, next: &AtomicUsize) -> Result<()> {
-        work::<F32x16>(run, next)
-    }
+impl LaneTask for Planning<'_> {
+    type Output = Result<MemoryPlan>;
 
-    #[target_feature(enable = "avx2,fma")]
-    fn avx2(run: &Run<'_>, next: &AtomicUsize) -> Result<()> {
-        work::<F32x8>(run, next)
-    }
-
-    pub(super) fn work_in_avx512(run: &Run<'_>, next: &AtomicUsize) -> Result<()> {
-        // SAFETY: `entry`, the only way here, has asked the processor for these features.
-        unsafe { avx512(run, next) }
-    }
-
-    pub(super) fn work_in_avx2(run: &Run<'_>, next: &AtomicUsize) -> Result<()> {
-        // SAFETY: as above.
-        unsafe { avx2(run, next) }
+    fn run<L: Lanes<Element = f32>>(self) -> Result<MemoryPlan> {
+        MemoryPlan::new::<L>(self.job, self.kernel)
     }
 }

@@ -10,6 +10,10 @@ pub struct Kernel {
     pub sigma_px: f64,
     /// Taps for d = 0 ..= R.
     pub half: Vec<f64>,
+    /// Rows of the periodic image.
+    pub height: usize,
+    /// Its columns.
+    pub width: usize,
 }
 
 /// R in units of sigma. What is cut off is erfc(R / (sqrt(2) sigma)) of the kernel: 3e-6 for `f32`, where
@@ -24,19 +28,21 @@ impl Kernel {
     /// When sigma is not above 0 or as wide as the image.
     pub fn new(sigma_px: f64, height: usize, width: usize, double: bool) -> Result<Self> {
         let side = height.min(width);
-        if sigma_px.is_nan() || sigma_px <= 0.0 || sigma_px.is_infinite() {
-            return Err(Error::usage(format!("--gaussian {sigma_px}: must be above 0 pixels")));
+        if !sigma_px.is_finite() || sigma_px <= 0.0 {
+            let what = "must be a number of pixels above 0";
+            return Err(Error::usage(format!("--gaussian {sigma_px}: {what}")));
         }
         if sigma_px >= side as f64 {
             return Err(Error::usage(format!(
-                "--gaussian {sigma_px}: as wide as the image ({width} x {height} pixels) or wider"
+                "--gaussian {sigma_px:e}: as wide as the image ({width} x {height} pixels) or wider"
             )));
         }
         let reach = if double { REACH_DOUBLE } else { REACH_SINGLE };
         let radius = (reach * sigma_px).ceil().max(1.0) as usize;
         let tap = |d: usize| (-(d as f64).powi(2) / (2.0 * sigma_px * sigma_px)).exp();
         let sum = tap(0) + 2.0 * (1..=radius).map(tap).sum::<f64>();
-        Ok(Self { sigma_px, half: (0..=radius).map(|d| tap(d) / sum).collect() })
+        let half = (0..=radius).map(|d| tap(d) / sum).collect();
+        Ok(Self { sigma_px, half, height, width })
     }
 
     /// R: taps on each side of the middle.
@@ -45,12 +51,18 @@ impl Kernel {
         self.half.len() - 1
     }
 
-    /// Correlation of the kernel with itself at distance d, for the effective looks.
+    /// Correlation of the kernel with itself at distance d along a periodic axis of `side` pixels, for
+    /// the effective looks.
     #[must_use]
-    pub fn autocorrelation(&self, d: usize) -> f64 {
-        let radius = self.radius() as isize;
-        let tap = |i: isize| self.half.get(i.unsigned_abs()).copied().unwrap_or(0.0);
-        (-radius..=radius).map(|i| tap(i) * tap(i + d as isize)).sum()
+    pub fn autocorrelation(&self, d: usize, side: usize) -> f64 {
+        let mut taps = vec![0.0; side];
+        for (i, tap) in self.half.iter().enumerate() {
+            taps[i % side] += tap;
+            if i > 0 {
+                taps[(side - i % side) % side] += tap;
+            }
+        }
+        (0..side).map(|i| taps[i] * taps[(i + d) % side]).sum()
     }
 }
 
@@ -71,9 +83,11 @@ mod tests {
     #[test]
     fn autocorrelation_gives_the_papers_looks() {
         let kernel = Kernel::new(3.0, 64, 64, true).unwrap();
-        let squares = kernel.autocorrelation(0);
+        let squares = kernel.autocorrelation(0, 64);
         let looks = 1.0 / (squares * squares);
         assert!((looks / phasewalk_core::weights::gaussian_looks(3.0) - 1.0).abs() < 1e-10);
+        let wide = Kernel::new(7.9, 8, 8, true).unwrap().autocorrelation(0, 8);
+        assert!((wide - 1.0 / 8.0).abs() < 1e-9, "no more looks than pixels: {wide}");
     }
 
     #[test]

@@ -35,9 +35,9 @@ impl MemoryPlan {
                 return Ok(Self { strip_rows: rows, threads, bytes });
             }
             if rows == 1 {
-                let megabytes = |bytes: u64| bytes.div_ceil(1 << 20);
+                let megabytes = |bytes: u64| bytes.div_ceil(1_000_000);
                 return Err(Error::usage(format!(
-                    "--memory: {} MiB do not hold one row of the image; at least {} MiB are needed \
+                    "--memory: {} MB do not hold one row of the image; at least {} MB are needed \
                      with {threads} threads (fewer --threads or a smaller --max-lag need less)",
                     megabytes(job.memory),
                     megabytes(bytes),

@@ -75,7 +75,9 @@ impl ImageJob<'_> {
         dispatch::memory_plan(self, &kernel)
     }
 
-    /// Compute all strips; `each` is called once per strip, from the threads, in any order.
+    /// Compute all strips; `each` is called once per strip, from the threads, in any order. Gives the
+    /// number of usable pixels of which no pair of frames had a weight (least squares only): their
+    /// phase is 0 for want of anything better.
     ///
     /// # Errors
     /// What [`Self::memory_plan`], the series or `each` report, or the user's interruption.
@@ -83,17 +85,17 @@ impl ImageJob<'_> {
         &self,
         progress: &Progress,
         each: &(dyn Fn(StripResult<'_>) -> Result<()> + Sync),
-    ) -> Result<()> {
+    ) -> Result<usize> {
         let kernel = self.kernel()?;
         let MemoryPlan { strip_rows: rows, threads, .. } = self.memory_plan()?;
-        let run = Run { job: self, kernel: &kernel, rows, progress, each };
-        let entry = dispatch::entry(self)?;
+        let unmeasured = AtomicUsize::new(0);
+        let run = Run { job: self, kernel: &kernel, rows, progress, each, unmeasured: &unmeasured };
         let next = AtomicUsize::new(0);
         let failure = Mutex::new(None);
         std::thread::scope(|scope| {
             for _ in 0..threads {
                 scope.spawn(|| {
-                    if let Err(error) = entry(&run, &next) {
+                    if let Err(error) = dispatch::strips(&run, &next) {
                         next.store(usize::MAX / 2, Ordering::Relaxed);
                         if let Ok(mut failure) = failure.lock() {
                             failure.get_or_insert(error);
@@ -102,7 +104,10 @@ impl ImageJob<'_> {
                 });
             }
         });
-        failure.into_inner().ok().flatten().map_or(Ok(()), Err)
+        match failure.into_inner().ok().flatten() {
+            Some(error) => Err(error),
+            None => Ok(unmeasured.into_inner()),
+        }
     }
 
     /// Steps of progress that [`Self::run`] makes.
@@ -142,4 +147,6 @@ struct Run<'a> {
     rows: usize,
     progress: &'a Progress,
     each: &'a (dyn Fn(StripResult<'_>) -> Result<()> + Sync),
+    /// Pixels without any weight so far.
+    unmeasured: &'a AtomicUsize,
 }

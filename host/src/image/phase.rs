@@ -95,6 +95,16 @@ impl<L: Lanes> Workspace<L> {
         }
     }
 
+    /// 0 in lanes where no frame of the vector just solved had a weight, 1 in the others.
+    #[inline(always)]
+    pub fn measured_at_all(&self) -> L {
+        let mut any = L::zero();
+        for &measured in &self.measured {
+            any = any.max(measured);
+        }
+        any
+    }
+
     #[inline(always)]
     fn subtract_reference(&mut self, plan: &Plan) {
         self.measured.fill(L::one());

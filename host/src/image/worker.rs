@@ -4,21 +4,25 @@ use super::filter::{Pair, Passes};
 use super::phase::{Sample, Workspace};
 use super::strip::{self, Layout, Source};
 use super::{Run, StripResult};
+use crate::allocate::filled;
 use crate::error::Result;
 use crate::io::Shape;
 use crate::lanes::Lanes;
 use crate::series::Survey;
 use num_complex::{Complex, Complex32};
-use phasewalk_core::ensemble::PairMean;
+use phasewalk_core::ensemble::coherence_squared;
 use phasewalk_core::weights::{Weighting, Weights};
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// What the buffers are called when memory is short.
+const STRIPS: &str = "the strips (see --memory)";
 
 /// One thread: strips until there are none left.
 #[inline(always)]
 pub(super) fn work<L: Lanes>(run: &Run<'_>, next: &AtomicUsize) -> Result<()> {
     let height = run.job.series.shape().height;
-    let mut worker = Worker::<L>::new(run);
+    let mut worker = Worker::<L>::new(run)?;
     loop {
         let first_row = next.fetch_add(1, Ordering::Relaxed).saturating_mul(run.rows);
         if first_row >= height {
@@ -57,10 +61,12 @@ struct Worker<L> {
     /// (time, row, x).
     phases: Vec<f32>,
     sigmas: Vec<f32>,
+    /// (row, x), 0 where no pair had a weight.
+    measured: Vec<f32>,
 }
 
 impl<L: Lanes> Worker<L> {
-    fn new(run: &Run<'_>) -> Self {
+    fn new(run: &Run<'_>) -> Result<Self> {
         let job = run.job;
         let Shape { frames, width, .. } = job.series.shape();
         let layout = Layout::new(width, L::WIDTH, run.kernel.radius());
@@ -71,21 +77,26 @@ impl<L: Lanes> Worker<L> {
         let zero = Complex { re: L::zero(), im: L::zero() };
         let nothing = Sample { phase: L::zero(), weight: L::zero() };
         let when = |wanted: bool, count: usize| if wanted { count } else { 0 };
-        Self {
+        Ok(Self {
             weights: job.plan.weights(job.looks),
             buffer: Vec::new(),
-            fields: vec![zero; frames * depths.len() * tall],
+            fields: filled(zero, frames * depths.len() * tall, STRIPS)?,
             passes: Passes::new(&layout, run.rows, &run.kernel.half),
-            powers: vec![L::zero(); when(job.needs_coherence(), frames * places)],
-            samples: vec![nothing; pairs.len() * places],
-            coherences: vec![L::zero(); when(job.keeps_coherence(), pairs.len() * places)],
+            powers: filled(L::zero(), when(job.needs_coherence(), frames * places), STRIPS)?,
+            samples: filled(nothing, pairs.len() * places, STRIPS)?,
+            coherences: filled(
+                L::zero(),
+                when(job.keeps_coherence(), pairs.len() * places),
+                STRIPS,
+            )?,
             workspace: Workspace::new(job.plan, job.keeps_coherence()),
             phases: vec![0.0; frames * run.rows * width],
             sigmas: vec![0.0; when(job.keeps_coherence(), frames * run.rows * width)],
+            measured: vec![0.0; run.rows * width],
             layout,
             pairs,
             depths,
-        }
+        })
     }
 
     #[inline(always)]
@@ -193,6 +204,8 @@ impl<L: Lanes> Worker<L> {
             }
             let (row, vector) = (place / blocks, place % blocks);
             unload(&self.layout, &self.workspace.phases, row, vector, rows, &mut self.phases);
+            let measured = [self.workspace.measured_at_all()];
+            unload(&self.layout, &measured, row, vector, rows, &mut self.measured);
         }
     }
 
@@ -208,17 +221,12 @@ impl<L: Lanes> Worker<L> {
                 }
             }
         }
+        let nothing = valid.iter().zip(&self.measured).filter(|&(&v, &m)| v && m == 0.0).count();
+        run.unmeasured.fetch_add(nothing, Ordering::Relaxed);
         let sigmas = run.job.keeps_coherence().then(|| &self.sigmas[..size]);
         let phases = &self.phases[..size];
         (run.each)(StripResult { first_row: rows.start, phases, sigmas, valid })
     }
-}
-
-/// |gamma|^2 = |<C>|^2 / (<C(t,0)> <C(t+dt,0)>), as `PairMean::coherence_squared` has it.
-#[inline(always)]
-fn coherence_squared<L: Lanes>(cross: Complex<L>, power: L) -> L {
-    let phasor = Complex { re: L::zero(), im: L::zero() };
-    PairMean { cross, phasor, power }.coherence_squared()
 }
 
 /// Progress is told in frames: `done` of `pairs` pairs stand for so many of `frames`.

@@ -64,10 +64,14 @@ pub trait Series: Send + Sync {
     ) -> Result<()>;
 
     /// Acquisition times in seconds, where the file knows them (Zarr coordinate `time_s`).
-    fn times_s(&self) -> Option<&[f64]>;
+    fn times_s(&self) -> Option<&[f64]> {
+        None
+    }
 
     /// Wavelength, where the file knows it (Zarr attribute `wavelength_nm`).
-    fn wavelength_nm(&self) -> Option<f64>;
+    fn wavelength_nm(&self) -> Option<f64> {
+        None
+    }
 }
 
 /// Open a complex series: an `.npy` file, a Zarr group holding `field`, or a Zarr array.

@@ -2,22 +2,24 @@
 //!
 //! | type | lanes | machine |
 //! |---|---|---|
-//! | [`x86::F32x16`] | 16 | x86-64 with AVX-512 |
-//! | [`x86::F32x8`] | 8 | x86-64 with AVX2 and FMA |
+//! | `F32x16` | 16 | x86-64 with AVX-512 |
+//! | `F32x8` | 8 | x86-64 with AVX2 and FMA |
 //! | [`Array`] of f32 | 8 | any |
 //! | [`Array`] of f64 | 4 | any, for `--precision f64` |
 //!
-//! The machine is asked at run time ([`Path::best`]), so the ordinary build is portable and fast.
+//! The machine is asked at run time ([`Path::best`]) and work enters through [`Path::run`], so the
+//! ordinary build is portable and fast.
 //! `PHASEWALK_SIMD=avx512|avx2|portable` chooses a path by hand.
 
 mod angle;
 mod array;
+mod path;
 #[cfg(target_arch = "x86_64")]
-pub mod x86;
+mod x86;
 
 pub use array::Array;
+pub use path::{LaneTask, Path};
 
-use crate::error::{Error, Result};
 use phasewalk_core::Scalar;
 
 /// A [`Scalar`] that holds one number for each of `WIDTH` pixels.
@@ -33,69 +35,6 @@ pub trait Lanes: Scalar + Send + Sync + 'static {
 
     /// The same, to be written.
     fn flat_mut(vectors: &mut [Self]) -> &mut [Self::Element];
-}
-
-/// Which instructions the imaging code runs on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Path {
-    /// 16 x f32, AVX-512 (F, DQ, VL, BW) with FMA.
-    Avx512,
-    /// 8 x f32, AVX2 with FMA.
-    Avx2,
-    /// 8 x f32 in plain Rust.
-    Portable,
-}
-
-impl Path {
-    /// Can this machine run it?
-    #[must_use]
-    pub fn is_available(self) -> bool {
-        match self {
-            #[cfg(target_arch = "x86_64")]
-            Self::Avx512 => {
-                is_x86_feature_detected!("avx512f")
-                    && is_x86_feature_detected!("avx512dq")
-                    && is_x86_feature_detected!("avx512vl")
-                    && is_x86_feature_detected!("avx512bw")
-                    && is_x86_feature_detected!("fma")
-            }
-            #[cfg(target_arch = "x86_64")]
-            Self::Avx2 => is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma"),
-            #[cfg(not(target_arch = "x86_64"))]
-            Self::Avx512 | Self::Avx2 => false,
-            Self::Portable => true,
-        }
-    }
-
-    /// All paths that this machine can run, fastest first.
-    #[must_use]
-    pub fn available() -> Vec<Self> {
-        let all = [Self::Avx512, Self::Avx2, Self::Portable];
-        all.into_iter().filter(|path| path.is_available()).collect()
-    }
-
-    /// The path of `PHASEWALK_SIMD`, else the fastest.
-    ///
-    /// # Errors
-    /// When the variable names no path, or one that this machine cannot run.
-    pub fn best() -> Result<Self> {
-        let wanted = std::env::var("PHASEWALK_SIMD").unwrap_or_default();
-        let path = match wanted.as_str() {
-            "" => return Ok(Self::available().first().copied().unwrap_or(Self::Portable)),
-            "avx512" => Self::Avx512,
-            "avx2" => Self::Avx2,
-            "portable" => Self::Portable,
-            _ => {
-                return Err(Error::usage(format!(
-                    "PHASEWALK_SIMD={wanted} is not known: use avx512, avx2 or portable"
-                )));
-            }
-        };
-        if path.is_available() {
-            return Ok(path);
-        }
-        Err(Error::usage(format!("PHASEWALK_SIMD={wanted}: this processor does not have it")))
-    }
 }
 
 #[cfg(test)]
@@ -163,19 +102,23 @@ mod tests {
     const SINGLE: f64 = 4e-7;
 
     #[test]
-    fn portable_lanes() {
-        lanes_equal_scalar::<Array<f32, 8>>(SINGLE);
+    fn double_lanes() {
         lanes_equal_scalar::<Array<f64, 4>>(1e-15);
     }
 
-    #[test]
-    #[cfg(target_arch = "x86_64")]
-    fn vector_lanes() {
-        if Path::Avx2.is_available() {
-            lanes_equal_scalar::<x86::F32x8>(SINGLE);
+    struct EqualScalar;
+
+    impl LaneTask for EqualScalar {
+        type Output = ();
+        fn run<L: Lanes<Element = f32>>(self) {
+            lanes_equal_scalar::<L>(SINGLE);
         }
-        if Path::Avx512.is_available() {
-            lanes_equal_scalar::<x86::F32x16>(SINGLE);
+    }
+
+    #[test]
+    fn single_lanes_on_every_path() {
+        for path in Path::available() {
+            path.run(EqualScalar).unwrap();
         }
     }
 

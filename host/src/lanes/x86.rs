@@ -2,7 +2,8 @@
 //!
 //! `unsafe` is here for two reasons only: the intrinsics must run on a processor that has them, and
 //! a slice of registers is looked at as a slice of numbers. Values of these types are made and
-//! used behind [`super::Path`], whose paths are entered only where the processor has the features.
+//! used only in tasks that [`super::Path::run`] has started, after asking the processor; the module is
+//! private, so there is no other way to them.
 
 use super::{Lanes, angle};
 use phasewalk_core::{Mask, Scalar};

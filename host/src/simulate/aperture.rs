@@ -3,7 +3,7 @@
 //! Rows, then only those columns of the spectrum that cross the aperture, and back. The transforms
 //! are rustfft's portable ones: they round alike on every machine.
 
-use super::memory::zeros;
+use crate::allocate::zeros;
 use crate::error::Result;
 use num_complex::Complex32;
 use rayon::prelude::*;

@@ -15,7 +15,6 @@
 
 mod aperture;
 mod autocorrelation;
-mod memory;
 mod philox;
 mod scatterers;
 mod scene;

@@ -4,11 +4,11 @@
 
 use super::SpeckleScene;
 use super::aperture::Aperture;
-use super::memory::{reserve, zeros};
 use super::philox;
 use super::scatterers::{BLOCK, Block, Raster, Walk};
 use super::simd::{Kernel, Simd};
 use super::stimulus::movement_wavelengths;
+use crate::allocate::{reserve, zeros};
 use crate::error::Result;
 use crate::progress::{self, Progress};
 use num_complex::Complex32;

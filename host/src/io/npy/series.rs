@@ -65,14 +65,6 @@ impl Series for NpySeries {
         }
         Ok(())
     }
-
-    fn times_s(&self) -> Option<&[f64]> {
-        None
-    }
-
-    fn wavelength_nm(&self) -> Option<f64> {
-        None
-    }
 }
 
 /// A file in Fortran order, where a row is scattered all over the file: held in memory.
@@ -112,14 +104,6 @@ impl Series for WholeSeries {
             }
         }
         Ok(())
-    }
-
-    fn times_s(&self) -> Option<&[f64]> {
-        None
-    }
-
-    fn wavelength_nm(&self) -> Option<f64> {
-        None
     }
 }
 

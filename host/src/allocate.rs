@@ -10,9 +10,7 @@ pub fn reserve<T>(len: usize, what: &str) -> Result<Vec<T>> {
     let mut buffer = Vec::new();
     buffer.try_reserve_exact(len).map_err(|_| {
         let mebibytes = (len as u128 * size_of::<T>() as u128) >> 20;
-        Error::failed(format!(
-            "not enough memory: {what} need {mebibytes} MiB; choose a smaller --width, --height or --scatterers"
-        ))
+        Error::failed(format!("not enough memory: {what} need {mebibytes} MiB"))
     })?;
     Ok(buffer)
 }
@@ -22,8 +20,16 @@ pub fn reserve<T>(len: usize, what: &str) -> Result<Vec<T>> {
 /// # Errors
 /// When the machine refuses the memory.
 pub fn zeros<T: Clone + Default>(len: usize, what: &str) -> Result<Vec<T>> {
+    filled(T::default(), len, what)
+}
+
+/// `len` copies of `value`.
+///
+/// # Errors
+/// When the machine refuses the memory.
+pub fn filled<T: Clone>(value: T, len: usize, what: &str) -> Result<Vec<T>> {
     let mut buffer = reserve(len, what)?;
-    buffer.resize(len, T::default());
+    buffer.resize(len, value);
     Ok(buffer)
 }
 
@@ -34,7 +40,7 @@ mod tests {
     #[test]
     fn too_much_is_an_error() {
         let error = zeros::<u64>(usize::MAX / 16, "test buffers").unwrap_err();
-        assert!(error.to_string().contains("--scatterers"), "{error}");
+        assert!(error.to_string().contains("test buffers"), "{error}");
         assert_eq!(error.exit_status(), 1);
     }
 }
