@@ -81,7 +81,9 @@ fn check_least_squares(
     let sigmas =
         oracle::phase_sigma(pairs.frames, lags, coherence, weights, looks, &regularisation);
     for (row, sigma) in rows.iter().zip(sigmas) {
-        assert!((row.sigma_rad - sigma).abs() <= SIGMA_RELATIVE * sigma, "{row:?}: {sigma}");
+        // Both are infinite where no reference frame was measured.
+        let close = (row.sigma_rad - sigma).abs() <= SIGMA_RELATIVE * sigma;
+        assert!(close || row.sigma_rad == sigma, "{row:?}: {sigma}");
     }
 }
 
@@ -161,6 +163,10 @@ fn the_programs_curves_are_the_oracles() {
             {
                 let line =
                     format!("phase F.npy --mask M.npy --max-lag {lags} --weights {name} -o C.csv");
+                if count(&mask) < 12.0 {
+                    bench.run(&line).refused(2, &["--mask", "looks"]);
+                    continue;
+                }
                 let summary = bench.summary(&line);
                 let looks = summary["looks"].as_f64().unwrap();
                 if name == "paper" {

@@ -22,8 +22,8 @@ pub fn pair_variance(coherence: f64, looks: f64) -> f64 {
 /// [`pair_variance`]: Γ₂ counts as a measurement of variance 1/μ₂², and in place of Γ₁ the phase
 /// of the gauge frame is fixed at 0. With e_n picking φ_n − the reference mean and ψ = A⁻¹e_n the
 /// variance is e_nᵀ Cov e_n = Σ_pairs w⁴ v (ψ_t − ψ_{t+Δt})² + μ₂² Σ_i (ψ_i − ψ_{i−1})², and this is
-/// summed. If no reference frame is valid it is the standard deviation of φ_n − φ_gauge. Infinite
-/// for all frames if A is singular (only with μ₂ = 0).
+/// summed. Infinite for all frames if no reference frame is valid, or if A is singular (only with
+/// μ₂ = 0).
 ///
 /// `coherence` (γ̂) and `weights` are in the order of [`pair_list`]; `looks` is L.
 ///
@@ -51,7 +51,10 @@ pub fn phase_sigma(
     // Column n of `functionals` is e_n.
     let valid = valid_frames(frames, max_lag, weights);
     let reference: Vec<usize> = (0..reference_frames).filter(|&frame| valid[frame]).collect();
-    let share = one / Wide::from(reference.len().max(1) as f64);
+    if reference.is_empty() {
+        return vec![f64::INFINITY; frames];
+    }
+    let share = one / Wide::from(reference.len() as f64);
     let entry = |frame: usize, n: usize| {
         let own = if frame == n { one } else { zero };
         if reference.contains(&frame) { own - share } else { own }
