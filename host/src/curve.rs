@@ -85,7 +85,7 @@ impl Region {
         self.pixels
     }
 
-    /// <C(t,s-t)> and <C/|C|> over the region; `powers` as [`Self::powers`] gives them.
+    /// ⟨C(t,s-t)⟩ and ⟨C/|C|⟩ over the region; `powers` as [`Self::powers`] gives them.
     #[must_use]
     pub fn pair_mean(&self, t: usize, s: usize, powers: &[f64]) -> PairMean<f64> {
         let mut ensemble = Ensemble::new();
@@ -95,7 +95,7 @@ impl Region {
         ensemble.mean(powers[t], powers[s])
     }
 
-    /// <C(t,0)> of every frame.
+    /// ⟨C(t,0)⟩ of every frame.
     #[must_use]
     pub fn powers(&self) -> Vec<f64> {
         let frames = self.fields.len() / (self.pixels * self.depths);

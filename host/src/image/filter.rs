@@ -67,8 +67,8 @@ impl<L: Lanes> Passes<L> {
         CHANNELS * size_of::<L>() * (rows + 2 * layout.halo + rows * row)
     }
 
-    /// Filter the pair and give `each(row, vector, means)`: <C> in the first two channels and, with
-    /// four, <C/|C|> in the others.
+    /// Filter the pair and give `each(row, vector, means)`: ⟨C⟩ in the first two channels and, with
+    /// four, ⟨C/|C|⟩ in the others.
     #[inline(always)]
     pub fn run<const CH: usize>(
         &mut self,

@@ -2,9 +2,9 @@
 //! pixels at once as a vector register holds.
 //!
 //! The image is cut into strips of a few rows that all cores work through. A strip holds its rows
-//! of all frames; pair by pair, `filter` gives arg <C> and the weight of every pixel, which are kept
+//! of all frames; pair by pair, `filter` gives arg ⟨C⟩ and the weight of every pixel, which are kept
 //! until all pairs are there and `phase` solves vector after vector. Memory is bounded by the
-//! height of the strips ([`memory`]), whatever the size of the series.
+//! height of the strips (`memory`), whatever the size of the series.
 
 mod dispatch;
 mod filter;
@@ -124,7 +124,7 @@ impl ImageJob<'_> {
         Kernel::new(self.sigma_px, height, width, self.double)
     }
 
-    /// <C/|C|> is needed by the paper's weights only.
+    /// ⟨C/|C|⟩ is needed by the paper's weights only.
     fn needs_phasor(&self) -> bool {
         self.plan.method == Method::Paper(Weighting::Paper)
     }

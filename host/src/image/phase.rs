@@ -13,7 +13,7 @@ use phasewalk_core::weights::{debias, pair_variance};
 /// What is kept of a pair until the pixel is solved.
 #[derive(Clone, Copy)]
 pub struct Sample<L> {
-    /// arg <C>, radians.
+    /// arg ⟨C⟩, radians.
     pub phase: L,
     /// w.
     pub weight: L,

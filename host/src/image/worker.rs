@@ -51,7 +51,7 @@ struct Worker<L> {
     /// (frame, depth, row, vector).
     fields: Vec<Complex<L>>,
     passes: Passes<L>,
-    /// <C(t,0)>, (frame, row, vector).
+    /// ⟨C(t,0)⟩, (frame, row, vector).
     powers: Vec<L>,
     /// (row, vector, pair).
     samples: Vec<Sample<L>>,
@@ -115,7 +115,7 @@ impl<L: Lanes> Worker<L> {
         )
     }
 
-    /// <C(t,0)> of all frames, where needed.
+    /// ⟨C(t,0)⟩ of all frames, where needed.
     #[inline(always)]
     fn filter_powers(&mut self, run: &Run<'_>, rows: usize) {
         if !run.job.needs_coherence() {
