@@ -23,6 +23,44 @@ const FIRST_REACH: usize = 6;
 const STILL_COHERENT: f64 = 0.02;
 const LAST_REACH: usize = 48;
 
+/// Which number of looks sets the weights' threshold and debiasing (paper lines 800-820).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Looks {
+    /// Pixels, as the paper has it: too many where a speckle covers several, and then noise passes.
+    Nominal,
+    /// Speckles, estimated from the frames.
+    Effective,
+    /// A number of at least 1.
+    Number(f64),
+}
+
+impl std::str::FromStr for Looks {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        match text {
+            "nominal" => Ok(Self::Nominal),
+            "effective" => Ok(Self::Effective),
+            _ => match text.parse::<f64>() {
+                Ok(looks) if looks >= 1.0 && looks.is_finite() => Ok(Self::Number(looks)),
+                _ => Err(format!("'{text}' is not nominal, effective or a number of at least 1")),
+            },
+        }
+    }
+}
+
+impl Looks {
+    /// The number that counts.
+    #[must_use]
+    pub fn choose(self, nominal: f64, effective: f64) -> f64 {
+        match self {
+            Self::Nominal => nominal,
+            Self::Effective => effective,
+            Self::Number(looks) => looks,
+        }
+    }
+}
+
 /// |mu(d)|^2 for -reach <= dy, dx <= reach.
 pub struct SpatialCoherence {
     reach: isize,

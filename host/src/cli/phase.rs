@@ -4,18 +4,19 @@ use super::{Common, check_output, list, megabytes, print};
 use crate::curve::{Region, curve};
 use crate::error::{Error, Result};
 use crate::image::{ImageJob, Kernel};
+use crate::io::npy::sibling;
 use crate::io::{
     Attributes, Format, ImageLayout, ImageWriter, Series, Shape, open_series, read_mask,
     write_curve,
 };
 use crate::lanes::Path as LanePath;
-use crate::looks::SpatialCoherence;
+use crate::looks::{Looks, SpatialCoherence};
 use crate::method::{Depths, Method, Plan};
 use crate::progress::Progress;
 use crate::series::{Survey, survey};
 use clap::ValueEnum;
 use phasewalk_core::params::RANDOM_PROBABILITY;
-use phasewalk_core::weights::{Weighting, gaussian_looks};
+use phasewalk_core::weights::Weighting;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -92,39 +93,6 @@ enum Precision {
     F64,
 }
 
-/// Which number of looks sets the weights' threshold.
-#[derive(Clone, Copy, Debug)]
-enum Looks {
-    Nominal,
-    Effective,
-    Number(f64),
-}
-
-impl std::str::FromStr for Looks {
-    type Err = String;
-
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
-        match text {
-            "nominal" => Ok(Self::Nominal),
-            "effective" => Ok(Self::Effective),
-            _ => match text.parse::<f64>() {
-                Ok(looks) if looks >= 1.0 && looks.is_finite() => Ok(Self::Number(looks)),
-                _ => Err(format!("'{text}' is not nominal, effective or a number of at least 1")),
-            },
-        }
-    }
-}
-
-impl Looks {
-    fn choose(self, nominal: f64, effective: f64) -> f64 {
-        match self {
-            Self::Nominal => nominal,
-            Self::Effective => effective,
-            Self::Number(looks) => looks,
-        }
-    }
-}
-
 impl Arguments {
     fn method(&self) -> Method {
         match (self.method, self.weights) {
@@ -167,7 +135,7 @@ impl Arguments {
         }
         let mut inputs = vec![self.series.as_path()];
         inputs.extend(self.mask.as_deref());
-        let sigma = npy_sibling(&self.output);
+        let sigma = sibling(&self.output, "sigma");
         check_output(&self.output, &inputs)?;
         check_output(&sigma, &inputs)
     }
@@ -194,11 +162,6 @@ pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
         }
         (None, sigma) => task.images(sigma.unwrap_or_default()),
     }
-}
-
-/// Where the standard deviations of an .npy result go.
-fn npy_sibling(output: &Path) -> PathBuf {
-    output.with_extension("sigma.npy")
 }
 
 /// Fewer than twelve looks cannot be told from random phases: the threshold is above any mean phasor.
@@ -255,7 +218,6 @@ impl Task<'_> {
         let mut facts = self.facts(&survey, looks, effective, memory);
         facts.insert("pixels".to_owned(), json!(region.pixels()));
         facts.insert("pixels_left_out".to_owned(), json!(region.left_out));
-        let files = write_curve(&self.arguments.output, &rows, facts.clone())?;
         let left_out = if region.left_out > 0 {
             format!(" ({} of the mask left out: not finite, or always zero)", region.left_out)
         } else {
@@ -264,6 +226,7 @@ impl Task<'_> {
         // Bridges have hundreds of radians, measured frames at most that of a random walk.
         let bridged = rows.iter().filter(|row| row.sigma_rad > BRIDGED_RAD).count();
         facts.insert("frames_bridged".to_owned(), json!(bridged));
+        let files = write_curve(&self.arguments.output, &rows, facts.clone())?;
         if bridged > 0 && !self.common.json {
             print(&format!(
                 "{bridged} of {frames} frames have no pair above random phases: bridged"
@@ -280,8 +243,7 @@ impl Task<'_> {
         let path = LanePath::best()?;
         let survey = self.survey()?;
         let effective = self.coherence(&survey)?.looks_of_kernel(&kernel);
-        let nominal = gaussian_looks(sigma_px).min((height * width) as f64);
-        let looks = self.arguments.looks().choose(nominal, effective);
+        let looks = self.arguments.looks().choose(kernel.nominal_looks(), effective);
         check_looks(self.plan.method, looks, "--gaussian")?;
         let job = ImageJob {
             series: self.series,

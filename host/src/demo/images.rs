@@ -1,16 +1,14 @@
 //! The phase images of a series that fits into memory.
 
-use super::setup::Looks;
 use crate::error::{Error, Result};
 use crate::image::{ImageJob, Kernel};
 use crate::io::Series;
 use crate::lanes::Path;
-use crate::looks::SpatialCoherence;
+use crate::looks::{Looks, SpatialCoherence};
 use crate::method::Plan;
 use crate::progress::Progress;
 use crate::series::Survey;
 use ndarray::{Array3, s};
-use phasewalk_core::weights::gaussian_looks;
 use std::sync::{Mutex, PoisonError};
 
 /// A series and how its phases are averaged in space.
@@ -46,7 +44,7 @@ impl Imaging<'_> {
             survey: self.survey,
             plan,
             sigma_px: self.sigma_px,
-            looks: self.looks.choose(gaussian_looks(self.sigma_px), effective_looks),
+            looks: self.looks.choose(kernel.nominal_looks(), effective_looks),
             effective_looks,
             sigma: false,
             double: false,

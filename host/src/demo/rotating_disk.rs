@@ -11,11 +11,10 @@
 use super::errors::{rms, wrapped};
 use super::images::Imaging;
 use super::plane::{Fit, Point};
-use super::setup::Looks;
 use crate::error::{Error, Result};
 use crate::figures::{Canvas, Measured, Profile};
 use crate::io::{Series, Shape};
-use crate::looks::SpatialCoherence;
+use crate::looks::{Looks, SpatialCoherence};
 use crate::method::{Depths, Method, Plan};
 use crate::series::survey;
 use ndarray::{Array3, Axis};

@@ -1,29 +1,10 @@
 //! The numbers of a demonstration: size of the scenes, their random motion, what is shown.
 
+use crate::looks::Looks;
 use crate::simulate::SpeckleScene;
 
 /// Bytes that the strips of the phase images may take.
 const IMAGE_MEMORY: u64 = 256 << 20;
-
-/// What the threshold of the extended method's weights counts as independent (paper lines 800-820).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Looks {
-    /// Pixels, as the paper has it: too many where a speckle covers several, and then noise passes.
-    Nominal,
-    /// Speckles, estimated from the frames.
-    Effective,
-}
-
-impl Looks {
-    /// The one of two numbers that counts.
-    #[must_use]
-    pub fn choose(self, nominal: f64, effective: f64) -> f64 {
-        match self {
-            Self::Nominal => nominal,
-            Self::Effective => effective,
-        }
-    }
-}
 
 /// Everything that can be chosen.
 #[derive(Clone, Debug)]

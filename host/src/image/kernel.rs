@@ -1,6 +1,7 @@
 //! The Gaussian of the ensemble average, cut where the arithmetic no longer sees it.
 
 use crate::error::{Error, Result};
+use phasewalk_core::weights::gaussian_looks;
 
 /// Half of a sampled Gaussian exp(-d^2 / (2 sigma^2)), d = 0, 1, ..., R, whose 2R+1 taps sum to 1
 /// (paper line 753; variance sigma_Gauss^2).
@@ -51,6 +52,12 @@ impl Kernel {
         self.half.len() - 1
     }
 
+    /// Nominal looks: 4 pi sigma^2 (paper line 818), and no more than the image has pixels.
+    #[must_use]
+    pub fn nominal_looks(&self) -> f64 {
+        gaussian_looks(self.sigma_px).min((self.height * self.width) as f64)
+    }
+
     /// Correlation of the kernel with itself at distance d along a periodic axis of `side` pixels, for
     /// the effective looks.
     #[must_use]
@@ -85,7 +92,7 @@ mod tests {
         let kernel = Kernel::new(3.0, 64, 64, true).unwrap();
         let squares = kernel.autocorrelation(0, 64);
         let looks = 1.0 / (squares * squares);
-        assert!((looks / phasewalk_core::weights::gaussian_looks(3.0) - 1.0).abs() < 1e-10);
+        assert!((looks / gaussian_looks(3.0) - 1.0).abs() < 1e-10);
         let wide = Kernel::new(7.9, 8, 8, true).unwrap().autocorrelation(0, 8);
         assert!((wide - 1.0 / 8.0).abs() < 1e-9, "no more looks than pixels: {wide}");
     }
