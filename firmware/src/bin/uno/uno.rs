@@ -1,0 +1,210 @@
+//! The Uno as the main loop sees it.
+
+use crate::memory;
+use crate::near::{NEAR, Near};
+use crate::pins::{Enable, Interlock, LoopEnd, Ready};
+use crate::registers::{exint, set};
+use crate::serial::{self, INWARD};
+use crate::{pins, reset, timers};
+use avr_device::interrupt::free;
+use embedded_hal::digital::{InputPin, OutputPin};
+use phasewalk_firmware::arming::NearEdge;
+use phasewalk_firmware::board::{Board, Identity, Inputs, Life, Line, Offer, Outputs};
+use phasewalk_firmware::channel::Edge;
+use phasewalk_firmware::clock;
+use phasewalk_firmware::fault::Fault;
+use phasewalk_firmware::limits::Limits;
+use phasewalk_firmware::message::Model;
+
+/// Both external interrupts on their rising edge.
+const RISING: u8 = 0b1111;
+const INT0: u8 = 1 << 0;
+const INT1: u8 = 1 << 1;
+
+/// How long a test pulse of the safety loop is held: its wires may be metres long.
+const LOOP_CYCLES: u32 = 160;
+
+/// The Uno.
+pub struct Uno {
+    identity: Identity,
+    enabled: bool,
+}
+
+impl Uno {
+    /// Everything set up, interrupts still off.
+    pub fn start() -> Self {
+        pins::start();
+        let phases = timers::start();
+        free(|cs| NEAR.with(cs, |near| near.phases = phases));
+        set!(exint().eicra, RISING);
+        set!(exint().eimsk, INT1);
+        serial::start();
+        let identity = Identity {
+            model: Model::Uno,
+            build: BUILD,
+            image: memory::image_hash(),
+            image_bytes: u32::from(memory::image_bytes()),
+            reset: reset::cause(),
+        };
+        Self { identity, enabled: false }
+    }
+}
+
+/// Hash of the firmware's sources, from the build.
+const BUILD: u32 = match option_env!("PHASEWALK_BUILD") {
+    Some(text) => match u32::from_str_radix(text, 16) {
+        Ok(hash) => hash,
+        Err(_) => panic!("PHASEWALK_BUILD must be a hexadecimal number"),
+    },
+    None => 0,
+};
+
+fn near<R>(use_it: impl FnOnce(&mut Near) -> R) -> R {
+    free(|cs| NEAR.with(cs, use_it))
+}
+
+#[inline(never)]
+fn now(near: &mut Near) -> u64 {
+    clock::extend(near.overflows, timers::counter(), timers::overflow_pending())
+}
+
+/// A tick of the last wrap, from its low bits.
+#[inline(never)]
+fn recent(near: &mut Near, tick: u16) -> u64 {
+    let now = now(near);
+    now - u64::from((now as u16).wrapping_sub(tick))
+}
+
+impl Outputs for Uno {
+    fn now(&mut self) -> u64 {
+        near(now)
+    }
+
+    #[inline(never)]
+    fn offer(&mut self, edge: Edge) -> Offer {
+        let limits = Self::LIMITS;
+        near(|near| {
+            let now = now(near);
+            let left = edge.tick.saturating_sub(now);
+            if left < u64::from(limits.lead) {
+                Offer::Late
+            } else if left > u64::from(limits.reach) || !near.has_room(edge.channel) {
+                Offer::Later
+            } else {
+                near.push(edge.channel, NearEdge { tick: edge.tick as u16, high: edge.high });
+                Offer::Taken
+            }
+        })
+    }
+
+    #[inline(never)]
+    fn made(&mut self) -> Option<Edge> {
+        near(|near| {
+            let (channel, edge) = near.made()?;
+            Some(Edge { channel, high: edge.high, tick: recent(near, edge.tick) })
+        })
+    }
+
+    #[inline(never)]
+    fn exposed(&mut self) -> Option<u64> {
+        near(|near| {
+            let capture = near.exposed()?;
+            Some(recent(near, capture))
+        })
+    }
+
+    #[inline(never)]
+    fn all_low(&mut self) {
+        near(Near::all_low);
+        self.rest_enable();
+    }
+
+    #[inline(never)]
+    fn read_back(&mut self) -> bool {
+        near(Near::read_back)
+    }
+
+    fn latched(&mut self) -> Option<Fault> {
+        near(|near| near.fault())
+    }
+
+    fn interrupts(&mut self) -> u16 {
+        near(|near| near.overflows as u16)
+    }
+}
+
+impl Inputs for Uno {
+    fn interlock_closed(&mut self) -> bool {
+        Interlock {}.is_low().unwrap_or(false)
+    }
+
+    #[inline(never)]
+    fn interlock_passes_pulse(&mut self) -> bool {
+        let guarded = exint().eimsk.read().bits();
+        set!(exint().eimsk, guarded & !INT0);
+        let _ = LoopEnd {}.set_high();
+        avr_device::asm::delay_cycles(LOOP_CYCLES);
+        let passed = !self.interlock_closed();
+        let _ = LoopEnd {}.set_low();
+        avr_device::asm::delay_cycles(LOOP_CYCLES);
+        let closed = self.interlock_closed();
+        set!(exint().eifr, INT0);
+        set!(exint().eimsk, guarded);
+        passed && closed
+    }
+
+    fn guard_interlock(&mut self, on: bool) {
+        set!(exint().eifr, INT0);
+        set!(exint().eimsk, if on { INT0 | INT1 } else { INT1 });
+    }
+
+    fn camera_ready(&mut self) -> bool {
+        Ready {}.is_high().unwrap_or(false)
+    }
+
+    fn start_edge(&mut self) -> Option<u64> {
+        near(|near| near.start.take())
+    }
+}
+
+impl Line for Uno {
+    fn read(&mut self) -> Option<u8> {
+        free(|cs| INWARD.with(cs, |inward| inward.pop()))
+    }
+
+    fn write(&mut self, byte: u8) -> bool {
+        serial::write(byte)
+    }
+
+    fn overrun(&mut self) -> u16 {
+        free(|cs| INWARD.with(cs, |inward| inward.overrun()))
+    }
+}
+
+impl Life for Uno {
+    fn feed_watchdog(&mut self) {
+        avr_device::asm::wdr();
+    }
+
+    fn toggle_enable(&mut self) {
+        self.enabled = !self.enabled;
+        let _ = if self.enabled { Enable {}.set_high() } else { Enable {}.set_low() };
+    }
+
+    fn rest_enable(&mut self) {
+        self.enabled = false;
+        let _ = Enable {}.set_low();
+    }
+
+    fn stack_intact(&mut self) -> bool {
+        memory::stack_intact()
+    }
+}
+
+impl Board for Uno {
+    const LIMITS: Limits = Limits::UNO;
+
+    fn identity(&mut self) -> Identity {
+        self.identity
+    }
+}

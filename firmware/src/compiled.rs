@@ -1,0 +1,98 @@
+//! The compiled plan: the bytes that travel, are held, and are checked by their hash.
+
+use crate::crc::crc32_byte;
+use crate::layout;
+use crate::plan::Plan;
+use heapless::Vec;
+
+/// Bytes of a compiled plan at most.
+pub const MAX_BYTES: usize = 96;
+
+/// The bytes of a compiled plan.
+pub type Bytes = Vec<u8, MAX_BYTES>;
+
+/// CRC-32 (ISO-HDLC) of some bytes: the hash of plans, images and of the protocol.
+#[must_use]
+pub const fn hash(bytes: &[u8]) -> u32 {
+    let mut crc = u32::MAX;
+    let mut rest = bytes;
+    while let [byte, tail @ ..] = rest {
+        crc = crc32_byte(crc, *byte);
+        rest = tail;
+    }
+    !crc
+}
+
+/// A hash over bytes that come one after the other.
+#[derive(Debug, Clone)]
+pub struct Hasher(u32);
+
+impl Hasher {
+    /// Nothing hashed yet.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self(u32::MAX)
+    }
+
+    /// Go on with `bytes`.
+    pub fn update(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            self.0 = crc32_byte(self.0, byte);
+        }
+    }
+
+    /// As [`hash`] of all bytes so far.
+    #[must_use]
+    pub const fn finish(self) -> u32 {
+        !self.0
+    }
+}
+
+impl Default for Hasher {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// A plan as bytes, with their hash.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Compiled {
+    bytes: Bytes,
+    hash: u32,
+}
+
+impl Compiled {
+    /// Compile a plan; `None` when it needs more than [`MAX_BYTES`].
+    #[must_use]
+    pub fn new(plan: &Plan) -> Option<Self> {
+        let mut bytes = Bytes::new();
+        layout::write(plan, &mut bytes)?;
+        Some(Self::from_bytes(bytes))
+    }
+
+    /// Bytes as they arrived.
+    #[must_use]
+    pub fn from_bytes(bytes: Bytes) -> Self {
+        let hash = hash(&bytes);
+        Self { bytes, hash }
+    }
+
+    /// The bytes.
+    #[must_use]
+    pub fn bytes(&self) -> &Bytes {
+        &self.bytes
+    }
+
+    /// Their hash when they were stored.
+    #[must_use]
+    pub fn hash(&self) -> u32 {
+        self.hash
+    }
+
+    /// The plan, if the bytes are still those that were stored and mean one.
+    #[must_use]
+    #[inline(never)]
+    pub fn plan(&self) -> Option<Plan> {
+        if hash(&self.bytes) == self.hash { layout::read(&self.bytes) } else { None }
+    }
+}

@@ -1,0 +1,166 @@
+//! The sequencer: hands the plan's edges to the hardware, each in time.
+//!
+//! ```text
+//! idle ─ start ─► waiting for the next sweep ─ near ─► plan verified, camera ready ─► edges
+//!                        ▲                                                              │
+//!                        └────────────────── all handed over ◄──────────────────────────┘
+//! ```
+//!
+//! It never makes an edge itself. A pass does at most one step for the sweeps and hands over at
+//! most one edge of each channel, so that its length has a bound.
+
+use crate::board::{Board, Offer};
+use crate::channel::{Channel, Edge};
+use crate::compiled::Compiled;
+use crate::fault::Fault;
+use crate::plan::Plan;
+use crate::schedule::{Light, Sweep, Sweeps};
+
+/// From the start of a run to its time zero, in passes of [`Limits::pass`](crate::limits::Limits):
+/// enough to hand over the first edges.
+pub const START_PASSES: u32 = 4;
+
+/// Where a run is.
+#[derive(Debug, Clone)]
+pub struct Sequencer {
+    plan: Plan,
+    start: u64,
+    sweeps: Sweeps,
+    next_sweep: Option<Sweep>,
+    /// Of the current sweep, what has not been handed over.
+    pending: [Option<Edge>; 4],
+    light: Light,
+    next_light: Option<Edge>,
+    /// Sweeps whose edges have been handed over or are pending.
+    begun: u32,
+    /// Edges handed over that have not been made.
+    outstanding: u16,
+}
+
+/// What remains to be done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Remaining {
+    /// Edges.
+    Edges,
+    /// Nothing: every edge was made.
+    Nothing,
+}
+
+impl Sequencer {
+    /// A run whose time zero is the tick `start`.
+    #[must_use]
+    pub fn new(plan: Plan, start: u64) -> Self {
+        let (mut sweeps, mut light) = (Sweeps::default(), Light::default());
+        let next_sweep = sweeps.next(&plan);
+        let next_light = light.next(&plan, start);
+        Self {
+            plan,
+            start,
+            sweeps,
+            next_sweep,
+            pending: [None; 4],
+            light,
+            next_light,
+            begun: 0,
+            outstanding: 0,
+        }
+    }
+
+    /// The plan that runs.
+    #[must_use]
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// Sweeps whose edges have been handed over or are just being.
+    #[must_use]
+    pub fn begun(&self) -> u32 {
+        self.begun
+    }
+
+    /// An edge was made.
+    pub fn made(&mut self) {
+        self.outstanding = self.outstanding.saturating_sub(1);
+    }
+
+    /// One pass: hand over what is due, `memory` being where the plan is held.
+    ///
+    /// # Errors
+    /// [`Fault::PlanMemory`], [`Fault::NotReady`], [`Fault::Late`].
+    #[inline(never)]
+    pub fn pass<B: Board>(
+        &mut self,
+        board: &mut B,
+        memory: &Compiled,
+        now: u64,
+    ) -> Result<Remaining, Fault> {
+        if self.pending == [None; 4] {
+            self.begin_sweep(board, memory, now)?;
+        } else {
+            self.offer_sweep(board)?;
+        }
+        self.offer_light(board)?;
+        let handed_over =
+            self.next_sweep.is_none() && self.pending == [None; 4] && self.next_light.is_none();
+        let nothing = handed_over && self.outstanding == 0;
+        Ok(if nothing { Remaining::Nothing } else { Remaining::Edges })
+    }
+
+    /// Take up the next sweep once it is near: verify the plan, ask the camera.
+    #[inline(never)]
+    fn begin_sweep<B: Board>(
+        &mut self,
+        board: &mut B,
+        memory: &Compiled,
+        now: u64,
+    ) -> Result<(), Fault> {
+        let Some(sweep) = self.next_sweep else { return Ok(()) };
+        let near = u64::from(B::LIMITS.reach) + 2 * u64::from(B::LIMITS.pass);
+        let begin = self.start.wrapping_add(sweep.start);
+        if begin.saturating_sub(now) > near {
+            return Ok(());
+        }
+        self.plan = memory.plan().ok_or(Fault::PlanMemory)?;
+        if self.plan.inputs.ready && !board.camera_ready() {
+            return Err(Fault::NotReady);
+        }
+        self.pending = sweep.edges(&self.plan, self.start).map(Some);
+        self.next_sweep = self.sweeps.next(&self.plan);
+        self.begun = self.begun.wrapping_add(1);
+        Ok(())
+    }
+
+    /// Of each channel the first pending edge.
+    #[inline(never)]
+    fn offer_sweep<B: Board>(&mut self, board: &mut B) -> Result<(), Fault> {
+        let mut tried = [false; Channel::ALL.len()];
+        for slot in &mut self.pending {
+            let Some(edge) = *slot else { continue };
+            let Some(tried) = tried.get_mut(edge.channel.index()) else { continue };
+            if !core::mem::replace(tried, true) && hand_over(board, edge)? {
+                self.outstanding = self.outstanding.saturating_add(1);
+                *slot = None;
+            }
+        }
+        Ok(())
+    }
+
+    #[inline(never)]
+    fn offer_light<B: Board>(&mut self, board: &mut B) -> Result<(), Fault> {
+        let Some(edge) = self.next_light else { return Ok(()) };
+        if hand_over(board, edge)? {
+            self.outstanding = self.outstanding.saturating_add(1);
+            self.next_light = self.light.next(&self.plan, self.start);
+        }
+        Ok(())
+    }
+}
+
+/// Whether the hardware has taken the edge.
+fn hand_over<B: Board>(board: &mut B, edge: Edge) -> Result<bool, Fault> {
+    match board.offer(edge) {
+        Offer::Taken => Ok(true),
+        Offer::Later => Ok(false),
+        Offer::Late => Err(Fault::Late),
+    }
+}
