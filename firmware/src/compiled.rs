@@ -6,7 +6,7 @@ use crate::plan::Plan;
 use heapless::Vec;
 
 /// Bytes of a compiled plan at most.
-pub const MAX_BYTES: usize = 96;
+pub const MAX_BYTES: usize = 80;
 
 /// The bytes of a compiled plan.
 pub type Bytes = Vec<u8, MAX_BYTES>;
@@ -67,14 +67,15 @@ impl Compiled {
     pub fn new(plan: &Plan) -> Option<Self> {
         let mut bytes = Bytes::new();
         layout::write(plan, &mut bytes)?;
-        Some(Self::from_bytes(bytes))
+        let hash = hash(&bytes);
+        Some(Self { bytes, hash })
     }
 
-    /// Bytes as they arrived.
+    /// Bytes as they arrived; `None` when there are more than [`MAX_BYTES`].
     #[must_use]
-    pub fn from_bytes(bytes: Bytes) -> Self {
-        let hash = hash(&bytes);
-        Self { bytes, hash }
+    pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        let hash = hash(bytes);
+        Some(Self { bytes: Bytes::from_slice(bytes).ok()?, hash })
     }
 
     /// The bytes.
@@ -91,8 +92,14 @@ impl Compiled {
 
     /// The plan, if the bytes are still those that were stored and mean one.
     #[must_use]
-    #[inline(never)]
     pub fn plan(&self) -> Option<Plan> {
-        if hash(&self.bytes) == self.hash { layout::read(&self.bytes) } else { None }
+        let mut plan = Plan::EMPTY;
+        self.read(&mut plan).then_some(plan)
+    }
+
+    /// The same into `plan`; false, and `plan` is of no use, if it is none.
+    #[must_use]
+    pub fn read(&self, plan: &mut Plan) -> bool {
+        hash(&self.bytes) == self.hash && layout::read(&self.bytes, plan)
     }
 }

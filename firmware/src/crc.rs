@@ -1,17 +1,18 @@
-//! The two cyclic redundancy checks, bit by bit.
+//! The two cyclic redundancy checks, four bits at a time.
 //!
-//! Our own because of flash: the same two from a library take 1.7 KB of the Uno's 32, these 0.2.
-//! A test compares them with that library's.
+//! Our own because of the Uno: a library's bit by bit take 1.7 KB of its 32 KB of flash and 330
+//! cycles per byte, its tables of bytes 1.5 KB of the 2 KB of memory. Tables of half bytes take
+//! 96 bytes and a quarter of the time. A test compares them with that library's.
 
 /// CRC-16/IBM-SDLC ("X.25"): of frames.
 #[must_use]
+#[inline(never)]
 pub(crate) fn crc16(bytes: &[u8]) -> u16 {
     let mut crc = u16::MAX;
     for &byte in bytes {
         crc ^= byte as u16;
-        for _ in 0..8 {
-            crc = (crc >> 1) ^ if crc & 1 == 0 { 0 } else { 0x8408 };
-        }
+        crc = (crc >> 4) ^ CRC_16[(crc & 15) as usize];
+        crc = (crc >> 4) ^ CRC_16[(crc & 15) as usize];
     }
     !crc
 }
@@ -22,12 +23,38 @@ pub(crate) fn crc16(bytes: &[u8]) -> u16 {
 #[inline(never)]
 pub(crate) const fn crc32_byte(mut crc: u32, byte: u8) -> u32 {
     crc ^= byte as u32;
+    crc = (crc >> 4) ^ CRC_32[(crc & 15) as usize];
+    (crc >> 4) ^ CRC_32[(crc & 15) as usize]
+}
+
+static CRC_16: [u16; 16] = {
+    let mut table = [0; 16];
+    let mut half = 0;
+    while half < 16 {
+        table[half] = shifted(half as u32, 0x8408) as u16;
+        half += 1;
+    }
+    table
+};
+
+const CRC_32: &[u32; 16] = &{
+    let mut table = [0; 16];
+    let mut half = 0;
+    while half < 16 {
+        table[half] = shifted(half as u32, 0xEDB8_8320);
+        half += 1;
+    }
+    table
+};
+
+/// Four bits through a register with this polynomial, low bits first.
+const fn shifted(mut bits: u32, polynomial: u32) -> u32 {
     let mut bit = 0;
-    while bit < 8 {
-        crc = (crc >> 1) ^ if crc & 1 == 0 { 0 } else { 0xEDB8_8320 };
+    while bit < 4 {
+        bits = (bits >> 1) ^ if bits & 1 == 0 { 0 } else { polynomial };
         bit += 1;
     }
-    crc
+    bits
 }
 
 #[cfg(test)]

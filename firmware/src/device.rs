@@ -11,9 +11,9 @@ use crate::compiled::Compiled;
 use crate::fault::Fault;
 use crate::frame::{Received, Receiver};
 use crate::guard::{Guard, Longest, Pulse};
-use crate::message::{Event, Request, State};
+use crate::message::{Answer, Event, Request, State};
 use crate::outbox::Outbox;
-use crate::plan::{Interlock, Plan, Start};
+use crate::plan::{Interlock, Start};
 use crate::sequencer::{Remaining, START_PASSES, Sequencer};
 use crate::session::Numbering;
 
@@ -23,23 +23,26 @@ const BYTES: usize = 8;
 /// Events of the outputs taken in a pass at most.
 const EDGES: usize = 12;
 
-/// A board and all it keeps in mind.
+/// A board with its program.
 pub struct Device<B> {
+    receiver: Receiver,
+    program: Program<B>,
+}
+
+/// What the program keeps in mind.
+pub(crate) struct Program<B> {
     pub(crate) board: B,
     pub(crate) state: State,
     pub(crate) staged: Option<Compiled>,
     pub(crate) plan: Option<Compiled>,
     pub(crate) nonce: u32,
     pub(crate) numbering: Numbering,
-    pub(crate) guard: Option<Guard>,
-    pub(crate) sequencer: Option<Sequencer>,
+    pub(crate) guard: Guard,
+    pub(crate) sequencer: Sequencer,
     pub(crate) outbox: Outbox,
-    receiver: Receiver,
     pulse: Pulse,
     pub(crate) garbled: u16,
     pub(crate) longest: Longest,
-    /// Sweeps of the last run.
-    pub(crate) sweeps: u32,
 }
 
 impl<B: Board> Device<B> {
@@ -47,46 +50,65 @@ impl<B: Board> Device<B> {
     #[must_use]
     pub fn new(mut board: B) -> Self {
         board.all_low();
-        Self {
+        let program = Program {
             board,
             state: State::Idle,
             staged: None,
             plan: None,
             nonce: 0,
             numbering: Numbering::default(),
-            guard: None,
-            sequencer: None,
+            guard: Guard::default(),
+            sequencer: Sequencer::default(),
             outbox: Outbox::default(),
-            receiver: Receiver::default(),
             pulse: Pulse::default(),
             garbled: 0,
             longest: Longest::default(),
-            sweeps: 0,
-        }
+        };
+        Self { receiver: Receiver::default(), program }
     }
 
     /// The board.
     pub fn board(&mut self) -> &mut B {
-        &mut self.board
+        &mut self.program.board
     }
 
     /// What it is doing.
     #[must_use]
     pub fn state(&self) -> State {
-        self.state
+        self.program.state
     }
 
     /// One pass of the main loop.
     pub fn pass(&mut self) {
-        let now = self.board.now();
+        let now = self.program.board.now();
+        self.program.work(now);
+        self.listen(now);
+        self.program.speak();
+        self.program.live(now);
+    }
+
+    #[inline(never)]
+    fn listen(&mut self, now: u64) {
+        for _ in 0..BYTES {
+            let Some(byte) = self.program.board.read() else { return };
+            match self.receiver.take::<Request<'_>>(byte) {
+                Received::Nothing => {}
+                Received::Garbled => self.program.garbled = self.program.garbled.saturating_add(1),
+                // One request per pass.
+                Received::Message(request) => return self.program.request(&request, now),
+            }
+        }
+    }
+}
+
+impl<B: Board> Program<B> {
+    /// Watch and go on.
+    fn work(&mut self, now: u64) {
         self.longest.pass(now, self.state == State::Running);
         self.collect();
         if let Err(fault) = self.watch(now).and_then(|()| self.advance(now)) {
             self.stop(fault, now);
         }
-        self.listen(now);
-        self.outbox.pass(&mut self.board);
-        self.live(now);
     }
 
     /// What the hardware has made.
@@ -94,12 +116,8 @@ impl<B: Board> Device<B> {
     fn collect(&mut self) {
         for _ in 0..EDGES {
             let Some(edge) = self.board.made() else { break };
-            if let Some(guard) = &mut self.guard {
-                guard.made(edge);
-            }
-            if let Some(sequencer) = &mut self.sequencer {
-                sequencer.made();
-            }
+            self.guard.made(edge);
+            self.sequencer.made();
             self.outbox.tell(Event::Made(edge));
         }
         if let Some(tick) = self.board.exposed() {
@@ -107,43 +125,48 @@ impl<B: Board> Device<B> {
         }
     }
 
-    #[inline(never)]
+    /// While armed or running.
     fn watch(&mut self, now: u64) -> Result<(), Fault> {
-        self.guard.as_mut().map_or(Ok(()), |guard| guard.pass(&mut self.board, now))
+        match self.state {
+            State::Armed | State::Running => {
+                self.guard.pass(&mut self.board, self.sequencer.plan(), now)
+            }
+            State::Idle | State::Asked | State::Finished | State::Faulted(_) => Ok(()),
+        }
     }
 
     #[inline(never)]
     fn advance(&mut self, now: u64) -> Result<(), Fault> {
         let Some(memory) = &self.plan else { return Ok(()) };
-        if let Some(sequencer) = &mut self.sequencer {
-            if sequencer.pass(&mut self.board, memory, now)? == Remaining::Nothing {
+        if self.state == State::Running {
+            if self.sequencer.pass(&mut self.board, memory, now)? == Remaining::Nothing {
                 self.finish(now);
             }
         } else if self.state == State::Armed
+            && self.sequencer.plan().inputs.start == Start::External
             && let Some(edge) = self.board.start_edge()
         {
-            let plan = memory.plan().ok_or(Fault::PlanMemory)?;
-            if plan.inputs.start == Start::External {
-                self.run(plan, edge);
-            }
+            self.run(edge)?;
         }
         Ok(())
     }
 
     #[inline(never)]
-    fn listen(&mut self, now: u64) {
-        for _ in 0..BYTES {
-            let Some(byte) = self.board.read() else { return };
-            match self.receiver.take::<Request>(byte) {
-                Received::Nothing => {}
-                Received::Garbled => self.garbled = self.garbled.saturating_add(1),
-                // One request per pass.
-                Received::Message(request) => return self.request(&request, now),
+    fn speak(&mut self) {
+        if self.outbox.is_free() {
+            let answer = match self.outbox.next_reply() {
+                Some((number, pending)) => {
+                    Some(Answer::Reply { number, reply: self.compose(pending) })
+                }
+                None => self.outbox.next_event(),
+            };
+            if let Some(answer) = answer {
+                self.outbox.say(&answer);
             }
         }
+        self.outbox.pass(&mut self.board);
     }
 
-    #[inline(never)]
     fn live(&mut self, now: u64) {
         let light = matches!(self.state, State::Armed | State::Running);
         if let Err(fault) = self.pulse.pass(&mut self.board, now, light)
@@ -154,40 +177,51 @@ impl<B: Board> Device<B> {
     }
 
     /// Armed: from here on everything is watched.
-    #[inline(never)]
-    pub(crate) fn armed(&mut self, plan: &Plan, now: u64) {
+    pub(crate) fn armed(&mut self, now: u64) {
         // A start edge from before does not count.
         let _ = self.board.start_edge();
-        self.board.guard_interlock(plan.inputs.interlock != Interlock::Off);
-        self.guard = Some(Guard::new(plan.inputs, plan.caps, now));
+        let interlock = self.sequencer.plan().inputs.interlock;
+        self.board.guard_interlock(interlock != Interlock::Off);
+        self.guard.begin(now);
         self.state = State::Armed;
     }
 
     /// Run: time zero lies a fixed time after `edge`.
+    ///
+    /// # Errors
+    /// [`Fault::PlanMemory`].
     #[inline(never)]
-    pub(crate) fn run(&mut self, plan: Plan, edge: u64) {
+    pub(crate) fn run(&mut self, edge: u64) -> Result<(), Fault> {
+        // The plan may have waited for hours.
+        if !self.plan.as_ref().is_some_and(|memory| self.sequencer.load(memory)) {
+            return Err(Fault::PlanMemory);
+        }
         let start = edge.saturating_add(u64::from(B::LIMITS.pass * START_PASSES));
-        self.sequencer = Some(Sequencer::new(plan, start));
+        self.sequencer.begin(start);
         self.state = State::Running;
         self.longest = Longest::default();
         self.outbox.tell(Event::Started { tick: start });
+        Ok(())
     }
 
-    #[inline(never)]
     fn finish(&mut self, now: u64) {
         self.board.all_low();
         self.leave(State::Finished);
         self.outbox.tell(Event::Finished { tick: now });
     }
 
+    /// All outputs low, and say why.
+    #[inline(never)]
+    pub(crate) fn stop(&mut self, fault: Fault, now: u64) {
+        self.board.all_low();
+        self.leave(State::Faulted(fault));
+        self.outbox.tell(Event::Stopped { fault, tick: now });
+    }
+
     /// Nothing runs any more.
     #[inline(never)]
-    pub(crate) fn leave(&mut self, state: State) {
+    fn leave(&mut self, state: State) {
         self.board.guard_interlock(false);
-        self.guard = None;
-        if let Some(sequencer) = self.sequencer.take() {
-            self.sweeps = sequencer.begun();
-        }
         self.state = state;
     }
 }

@@ -3,7 +3,7 @@
 use crate::board::Board;
 use crate::channel::{Channel, Edge};
 use crate::fault::Fault;
-use crate::plan::{Caps, Inputs, Interlock};
+use crate::plan::{Caps, Inputs, Interlock, Plan};
 
 /// Test pulses of the safety loop come every so many passes' worth of ticks.
 const LOOP_TEST_PASSES: u32 = 100;
@@ -18,10 +18,8 @@ const STILL_PASSES: u8 = 100;
 const ENABLE_SHARE: u32 = 2;
 
 /// What is watched while the board is armed or runs.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Guard {
-    inputs: Inputs,
-    caps: Caps,
     /// Since when each output has been high.
     high_since: [Option<u64>; Channel::ALL.len()],
     /// How long each output has been high before that.
@@ -33,10 +31,9 @@ pub struct Guard {
 
 impl Guard {
     /// Watch from the tick `now` on.
-    #[must_use]
-    pub fn new(inputs: Inputs, caps: Caps, now: u64) -> Self {
+    pub fn begin(&mut self, now: u64) {
         let now = now as u32;
-        Self { inputs, caps, high_since: [None; 3], total: [0; 3], heard: now, loop_tested: now }
+        *self = Self { heard: now, loop_tested: now, ..Self::default() };
     }
 
     /// Whether a run may begin.
@@ -82,19 +79,21 @@ impl Guard {
     /// # Errors
     /// The rule that is broken; all outputs must go low.
     #[inline(never)]
-    pub fn pass<B: Board>(&mut self, board: &mut B, now: u64) -> Result<(), Fault> {
+    pub fn pass<B: Board>(&mut self, board: &mut B, plan: &Plan, now: u64) -> Result<(), Fault> {
         if let Some(fault) = board.latched() {
             return Err(fault);
         }
-        interlock(self.inputs.interlock, board)?;
+        interlock(plan.inputs.interlock, board)?;
         hardware(board)?;
-        self.caps(now)?;
-        self.heartbeat(now as u32)?;
-        self.test_loop(board, now as u32)
+        self.caps(&plan.caps, now)?;
+        self.heartbeat(plan.caps.heartbeat, now as u32)?;
+        if plan.inputs.interlock == Interlock::Pulsed {
+            self.test_loop(board, now as u32)?;
+        }
+        Ok(())
     }
 
-    fn caps(&self, now: u64) -> Result<(), Fault> {
-        let caps = &self.caps;
+    fn caps(&self, caps: &Caps, now: u64) -> Result<(), Fault> {
         if !self.within(Channel::Laser, now, caps.laser_pulse.into(), caps.laser_total) {
             return Err(Fault::LaserCap);
         }
@@ -115,15 +114,14 @@ impl Guard {
         on <= pulse && before.wrapping_add(on) <= total
     }
 
-    fn heartbeat(&self, now: u32) -> Result<(), Fault> {
+    fn heartbeat(&self, limit: u32, now: u32) -> Result<(), Fault> {
         let silence = now.wrapping_sub(self.heard);
-        let limit = self.caps.heartbeat;
         if limit > 0 && silence > limit { Err(Fault::Heartbeat) } else { Ok(()) }
     }
 
     fn test_loop<B: Board>(&mut self, board: &mut B, now: u32) -> Result<(), Fault> {
         let due = now.wrapping_sub(self.loop_tested) >= B::LIMITS.pass * LOOP_TEST_PASSES;
-        if self.inputs.interlock != Interlock::Pulsed || !due {
+        if !due {
             return Ok(());
         }
         self.loop_tested = now;

@@ -1,11 +1,12 @@
-//! Bytes of a compiled plan: its numbers in the order of [`Plan`]'s definition, each in LEB128
-//! (seven bits per byte, low bits first, the top bit set on all but the last byte).
+//! Bytes of a compiled plan: its numbers in the order of [`Plan`]'s definition, each with seven bits
+//! per byte, high bits first, the top bit set on all but the last byte.
 //!
 //! A number that is small takes a byte whatever its type, so the paper's plan takes 57 bytes; and one
-//! routine reads them all, which matters where flash is 32 KiB.
+//! routine reads them all, which matters where flash is 32 KiB. High bits first, because then every
+//! shift is by seven: an 8-bit processor needs a thousand cycles to shift 64 bits by a variable.
 
 use crate::compiled::Bytes;
-use crate::plan::{Caps, Inputs, Interlock, Plan, Pulse, Start, Stimulus};
+use crate::plan::{Interlock, Plan, Pulse, Start, Stimulus};
 
 const BITS: u32 = 7;
 const MORE: u8 = 1 << BITS;
@@ -50,40 +51,40 @@ pub(crate) fn write(plan: &Plan, bytes: &mut Bytes) -> Option<()> {
     put(caps.heartbeat.into())
 }
 
-fn put(bytes: &mut Bytes, mut number: u64) -> Option<()> {
-    while number >= u64::from(MORE) {
-        bytes.push(number as u8 | MORE).ok()?;
-        number >>= BITS;
+fn put(bytes: &mut Bytes, number: u64) -> Option<()> {
+    let groups = (u64::BITS - number.leading_zeros()).div_ceil(BITS).max(1);
+    for group in (0..groups).rev() {
+        let more = if group > 0 { MORE } else { 0 };
+        bytes.push((number >> (group * BITS)) as u8 & !MORE | more).ok()?;
     }
-    bytes.push(number as u8).ok()
+    Some(())
 }
 
-/// The plan that the bytes mean; `None` when they mean none.
-pub(crate) fn read(bytes: &[u8]) -> Option<Plan> {
+/// Make `plan` the plan that the bytes mean; false, and `plan` is of no use, when they mean none.
+#[inline(never)]
+pub(crate) fn read(bytes: &[u8], plan: &mut Plan) -> bool {
     let mut numbers = Numbers { bytes, valid: true };
     let n = &mut numbers;
-    let plan = Plan {
-        inputs: Inputs { interlock: n.interlock(), ready: n.flag(), start: n.start() },
-        repeats: n.short(),
-        repeat_period: n.next(),
-        bursts: n.short(),
-        interval: n.next(),
-        sweeps: n.byte(),
-        spacing: [n.long(), n.long()],
-        laser: n.pulse(),
-        camera: n.pulse(),
-        stimulus: n.stimulus(),
-        caps: Caps {
-            laser_pulse: n.long(),
-            laser_total: n.next(),
-            stimulus_pulse: n.next(),
-            stimulus_total: n.next(),
-            images_per_sweep: n.long(),
-            camera_images: n.long(),
-            heartbeat: n.long(),
-        },
-    };
-    (numbers.valid && numbers.bytes.is_empty()).then_some(plan)
+    plan.inputs.interlock = n.interlock();
+    plan.inputs.ready = n.flag();
+    plan.inputs.start = n.start();
+    plan.repeats = n.short();
+    plan.repeat_period = n.next();
+    plan.bursts = n.short();
+    plan.interval = n.next();
+    plan.sweeps = n.byte();
+    plan.spacing = [n.long(), n.long()];
+    n.pulse(&mut plan.laser);
+    n.pulse(&mut plan.camera);
+    plan.stimulus = n.stimulus();
+    plan.caps.laser_pulse = n.long();
+    plan.caps.laser_total = n.next();
+    plan.caps.stimulus_pulse = n.next();
+    plan.caps.stimulus_total = n.next();
+    plan.caps.images_per_sweep = n.long();
+    plan.caps.camera_images = n.long();
+    plan.caps.heartbeat = n.long();
+    numbers.valid && numbers.bytes.is_empty()
 }
 
 /// Reads numbers; what cannot be one is 0 and makes the whole invalid.
@@ -96,18 +97,13 @@ impl Numbers<'_> {
     #[inline(never)]
     fn next(&mut self) -> u64 {
         let mut number = 0_u64;
-        let mut shift = 0;
         while let Some((&byte, rest)) = self.bytes.split_first() {
             self.bytes = rest;
-            number |= u64::from(byte & !MORE) << shift;
+            // What is pushed out at the top was no number of 64 bits.
+            self.valid &= number >> (u64::BITS - BITS) == 0;
+            number = (number << BITS) | u64::from(byte & !MORE);
             if byte & MORE == 0 {
-                // The tenth byte has one bit left for it.
-                self.valid &= shift < 63 || byte <= 1;
                 return number;
-            }
-            shift += BITS;
-            if shift > 63 {
-                break;
             }
         }
         self.valid = false;
@@ -149,8 +145,9 @@ impl Numbers<'_> {
         if self.flag() { Start::External } else { Start::Command }
     }
 
-    fn pulse(&mut self) -> Pulse {
-        Pulse { delay: self.long(), width: self.long() }
+    fn pulse(&mut self, pulse: &mut Pulse) {
+        pulse.delay = self.long();
+        pulse.width = self.long();
     }
 
     fn stimulus(&mut self) -> Option<Stimulus> {
@@ -169,7 +166,13 @@ impl Numbers<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::Inputs;
     use crate::presets::paper;
+
+    fn read(bytes: &[u8]) -> Option<Plan> {
+        let mut plan = Plan::EMPTY;
+        super::read(bytes, &mut plan).then_some(plan)
+    }
 
     fn bytes_of(plan: &Plan) -> Bytes {
         let mut bytes = Bytes::new();

@@ -5,7 +5,7 @@
 
 use crate::channel::Edge;
 use crate::check::Violation;
-use crate::compiled::{Bytes, hash};
+use crate::compiled::hash;
 use crate::fault::{Fault, ResetCause};
 use crate::limits::Limits;
 use serde::{Deserialize, Serialize};
@@ -19,24 +19,25 @@ pub const PROTOCOL: u32 = hash(include_bytes!("message.rs"))
     ^ hash(include_bytes!("limits.rs")).rotate_left(5);
 
 /// What the host says.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Request {
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Request<'a> {
     /// One more than the last request's, wrapping; the same again when it is repeated because no
     /// answer came. `Hello` may start anywhere.
     pub number: u8,
     /// What is wanted.
-    pub command: Command,
+    #[serde(borrow)]
+    pub command: Command<'a>,
 }
 
 /// What the host wants.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Command {
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Command<'a> {
     /// Who are you?
     Hello,
     /// How are you? Also the heartbeat.
     Status,
-    /// Keep this plan aside and say its hash.
-    Upload(Bytes),
+    /// Keep these bytes of a compiled plan aside and say their hash.
+    Upload(&'a [u8]),
     /// Check the plan set aside and make it the board's, if its hash is this one.
     Commit(u32),
     /// First step of arming: the hash of the plan; the answer is a nonce.
@@ -109,7 +110,7 @@ pub enum Refusal {
     },
     /// Not the nonce.
     Nonce,
-    /// The bytes are not those of a plan.
+    /// The bytes are not those of a plan, or too many.
     NotAPlan,
     /// The plan breaks a rule.
     Plan(Violation),
@@ -154,7 +155,7 @@ pub enum Model {
 pub struct Status {
     /// What it is doing.
     pub state: State,
-    /// Its clock, in ticks, when the request had arrived.
+    /// Its clock, in ticks, when it answered.
     pub tick: u64,
     /// Hash of the plan it holds; 0: none.
     pub plan: u32,

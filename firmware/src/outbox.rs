@@ -1,32 +1,49 @@
 //! What waits to be said: answers first, then events, byte by byte.
 
 use crate::board::Line;
-use crate::frame::{self, MAX_FRAME};
-use crate::message::{Answer, Event, Reply};
-use heapless::{Deque, Vec};
+use crate::frame::{self, Frame};
+use crate::message::{Answer, Event, Refusal};
+use heapless::Deque;
 
 /// Events that can wait.
-const EVENTS: usize = 12;
+const EVENTS: usize = 8;
 
 /// Bytes of a pass at most: so its length has a bound.
 const BYTES: usize = 4;
 
+/// An answer that waits. What is long is put together when it can be said, not before: memory is
+/// short.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pending {
+    /// Who the board is.
+    Hello,
+    /// How it is.
+    Status,
+    /// Done.
+    Done,
+    /// The hash of a plan.
+    Hash(u32),
+    /// For arming.
+    Nonce(u32),
+    /// Not done.
+    Refused(Refusal),
+}
+
 /// What waits to be said.
 #[derive(Debug, Default)]
 pub struct Outbox {
-    reply: Option<(u8, Reply)>,
+    reply: Option<(u8, Pending)>,
     events: Deque<Event, EVENTS>,
     /// Number of the next event to be queued.
     number: u16,
     lost: u16,
-    frame: Vec<u8, MAX_FRAME>,
+    frame: Frame,
     said: usize,
 }
 
 impl Outbox {
     /// Answer request `number`. A reply that the host no longer waits for is replaced.
-    #[inline(never)]
-    pub fn reply(&mut self, number: u8, reply: Reply) {
+    pub fn reply(&mut self, number: u8, reply: Pending) {
         self.reply = Some((number, reply));
     }
 
@@ -45,13 +62,36 @@ impl Outbox {
         self.lost
     }
 
+    /// Nothing is being said: what comes next can be put together.
+    #[must_use]
+    pub fn is_free(&self) -> bool {
+        self.said >= self.frame.len()
+    }
+
+    /// The answer that waits.
+    pub fn next_reply(&mut self) -> Option<(u8, Pending)> {
+        self.reply.take()
+    }
+
+    /// The event that waits.
+    pub fn next_event(&mut self) -> Option<Answer> {
+        let waiting = self.events.len() as u16;
+        let event = self.events.pop_front()?;
+        // After a loss the numbers jump: the newest waiting event keeps the newest number.
+        Some(Answer::Event { number: self.number.wrapping_sub(waiting), event })
+    }
+
+    /// Say this next.
+    #[inline(never)]
+    pub fn say(&mut self, answer: &Answer) {
+        self.said = 0;
+        // Every answer fits; a test says so.
+        let _ = frame::encode_into(answer, &mut self.frame);
+    }
+
     /// Give the line what it takes.
     #[inline(never)]
     pub fn pass<L: Line>(&mut self, line: &mut L) {
-        if self.said >= self.frame.len() {
-            self.said = 0;
-            self.frame = self.next_frame();
-        }
         for _ in 0..BYTES {
             let Some(&byte) = self.frame.get(self.said) else { return };
             if !line.write(byte) {
@@ -59,22 +99,5 @@ impl Outbox {
             }
             self.said += 1;
         }
-    }
-
-    #[inline(never)]
-    fn next_frame(&mut self) -> Vec<u8, MAX_FRAME> {
-        let answer = match self.reply.take() {
-            Some((number, reply)) => Some(Answer::Reply { number, reply }),
-            None => self.next_event(),
-        };
-        answer.and_then(|answer| frame::encode(&answer)).unwrap_or_default()
-    }
-
-    #[inline(never)]
-    fn next_event(&mut self) -> Option<Answer> {
-        let waiting = self.events.len() as u16;
-        let event = self.events.pop_front()?;
-        // After a loss the numbers jump: the newest waiting event keeps the newest number.
-        Some(Answer::Event { number: self.number.wrapping_sub(waiting), event })
     }
 }

@@ -134,6 +134,29 @@ pub struct Caps {
 }
 
 impl Plan {
+    /// No plan: every check refuses it.
+    pub const EMPTY: Self = Self {
+        inputs: Inputs { interlock: Interlock::On, ready: true, start: Start::Command },
+        repeats: 0,
+        repeat_period: 0,
+        bursts: 0,
+        interval: 0,
+        sweeps: 0,
+        spacing: [0; MAX_SWEEPS - 1],
+        laser: Pulse { delay: 0, width: 0 },
+        camera: Pulse { delay: 0, width: 0 },
+        stimulus: None,
+        caps: Caps {
+            laser_pulse: 0,
+            laser_total: 0,
+            stimulus_pulse: 0,
+            stimulus_total: 0,
+            images_per_sweep: 0,
+            camera_images: 0,
+            heartbeat: 0,
+        },
+    };
+
     /// Volumes of a repeat: one per sweep.
     #[must_use]
     pub const fn volumes(&self) -> u32 {

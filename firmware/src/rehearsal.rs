@@ -3,7 +3,7 @@
 //! It serves the host (what will the board do with these bytes, and how much time is left for each
 //! edge when every pass is as long as it may be?) and the tests of this crate.
 
-use crate::arming::DEPTH;
+use crate::arming;
 use crate::board::{Board, Identity, Inputs, Life, Line, Offer, Outputs};
 use crate::channel::{Channel, Edge};
 use crate::compiled::Compiled;
@@ -16,8 +16,11 @@ use heapless::Deque;
 /// Bytes in flight in either direction.
 const LINE: usize = 512;
 
+/// Edges that wait on each output.
+const DEPTH: usize = arming::DEPTH as usize;
+
 /// Edges made and not yet collected.
-const MADE: usize = 16;
+const MADE: usize = 3 * DEPTH;
 
 /// A board whose clock is a number.
 ///
@@ -37,6 +40,8 @@ pub struct Rehearsal {
     pub start_edge: Option<u64>,
     /// An output is stuck at this level.
     pub stuck: Option<(Channel, bool)>,
+    /// The hardware takes the edges of this output and never makes them.
+    pub lose_edges_of: Option<Channel>,
     /// The stack has overflowed.
     pub stack_overflow: bool,
     /// The clock's interrupt does not come.
@@ -75,6 +80,7 @@ impl Default for Rehearsal {
             camera_ready: true,
             start_edge: None,
             stuck: None,
+            lose_edges_of: None,
             stack_overflow: false,
             no_interrupts: false,
             latched: None,
@@ -97,6 +103,9 @@ impl Rehearsal {
         let now = self.now;
         if !self.no_interrupts {
             self.interrupts = (self.now >> 16) as u16;
+        }
+        if let Some(lost) = self.lose_edges_of.and_then(|c| self.queues.get_mut(c.index())) {
+            lost.clear();
         }
         for (queue, level) in self.queues.iter_mut().zip(&mut self.levels) {
             while let Some(handed) = queue.front().copied().filter(|next| next.edge.tick <= now) {
@@ -133,6 +142,9 @@ impl Outputs for Rehearsal {
         }
         if left > u64::from(limits.reach) {
             return Offer::Later;
+        }
+        if self.lose_edges_of == Some(edge.channel) {
+            return Offer::Taken;
         }
         let Some(queue) = self.queues.get_mut(edge.channel.index()) else { return Offer::Late };
         if queue.push_back(Handed { edge, at: self.now }).is_ok() {
@@ -253,10 +265,13 @@ pub struct Rehearsed {
 /// The fault that would end the run: [`Fault::Late`] if the plan is too dense for the board.
 pub fn rehearse(compiled: &Compiled, mut show: impl FnMut(Rehearsed)) -> Result<(), Fault> {
     let limits = Rehearsal::LIMITS;
-    let plan = compiled.plan().ok_or(Fault::PlanMemory)?;
     let start = u64::from(limits.pass * START_PASSES);
     let mut board = Rehearsal::default();
-    let mut sequencer = Sequencer::new(plan, start);
+    let mut sequencer = Sequencer::default();
+    if !sequencer.load(compiled) {
+        return Err(Fault::PlanMemory);
+    }
+    sequencer.begin(start);
     let mut last = [None; Channel::ALL.len()];
     loop {
         while let Some(handed) = board.collect() {

@@ -46,27 +46,44 @@ pub enum Remaining {
     Nothing,
 }
 
-impl Sequencer {
-    /// A run whose time zero is the tick `start`.
-    #[must_use]
-    pub fn new(plan: Plan, start: u64) -> Self {
-        let (mut sweeps, mut light) = (Sweeps::default(), Light::default());
-        let next_sweep = sweeps.next(&plan);
-        let next_light = light.next(&plan, start);
+impl Default for Sequencer {
+    fn default() -> Self {
         Self {
-            plan,
-            start,
-            sweeps,
-            next_sweep,
+            plan: Plan::EMPTY,
+            start: 0,
+            sweeps: Sweeps::default(),
+            next_sweep: None,
             pending: [None; 4],
-            light,
-            next_light,
+            light: Light::default(),
+            next_light: None,
             begun: 0,
             outstanding: 0,
         }
     }
+}
 
-    /// The plan that runs.
+impl Sequencer {
+    /// Take the plan out of its memory, to be looked at or run; false when it is none, or no longer
+    /// what was stored. Not during a run.
+    #[must_use]
+    pub fn load(&mut self, memory: &Compiled) -> bool {
+        memory.read(&mut self.plan)
+    }
+
+    /// Begin to run the loaded plan; its time zero is the tick `start`.
+    #[inline(never)]
+    pub fn begin(&mut self, start: u64) {
+        self.start = start;
+        self.sweeps = Sweeps::default();
+        self.next_sweep = self.sweeps.next(&self.plan);
+        self.pending = [None; 4];
+        self.light = Light::default();
+        self.next_light = self.light.next(&self.plan, start);
+        self.begun = 0;
+        self.outstanding = 0;
+    }
+
+    /// The loaded plan.
     #[must_use]
     pub fn plan(&self) -> &Plan {
         &self.plan
@@ -120,7 +137,9 @@ impl Sequencer {
         if begin.saturating_sub(now) > near {
             return Ok(());
         }
-        self.plan = memory.plan().ok_or(Fault::PlanMemory)?;
+        if !self.load(memory) {
+            return Err(Fault::PlanMemory);
+        }
         if self.plan.inputs.ready && !board.camera_ready() {
             return Err(Fault::NotReady);
         }

@@ -2,29 +2,30 @@
 
 use crate::board::Board;
 use crate::check::check;
-use crate::compiled::{Bytes, Compiled};
-use crate::device::Device;
+use crate::compiled::Compiled;
+use crate::device::Program;
 use crate::fault::Fault;
 use crate::guard::Guard;
-use crate::message::{Command, Event, Hello, PROTOCOL, Refusal, Reply, Request, State, Status};
-use crate::plan::{Plan, Start};
+use crate::message::{Command, Hello, PROTOCOL, Refusal, Reply, Request, State, Status};
+use crate::outbox::Pending;
+use crate::plan::Start;
 
 /// The numbering of requests, so that what is repeated is done once.
 #[derive(Debug, Default)]
 pub(crate) struct Numbering {
     /// Last request that was done, with its answer.
-    last: Option<(u8, Reply)>,
+    last: Option<(u8, Pending)>,
 }
 
 /// What to do with a request.
 enum Turn {
     Do,
-    Repeat(Reply),
+    Repeat(Pending),
     Refuse(Refusal),
 }
 
 impl Numbering {
-    fn turn(&self, request: &Request) -> Turn {
+    fn turn(&self, request: &Request<'_>) -> Turn {
         let in_order = match self.last {
             None => Turn::Do,
             Some((last, reply)) if request.number == last => Turn::Repeat(reply),
@@ -40,13 +41,11 @@ impl Numbering {
     }
 }
 
-impl<B: Board> Device<B> {
+impl<B: Board> Program<B> {
     /// A request has arrived.
     #[inline(never)]
-    pub(crate) fn request(&mut self, request: &Request, now: u64) {
-        if let Some(guard) = &mut self.guard {
-            guard.heard(now);
-        }
+    pub(crate) fn request(&mut self, request: &Request<'_>, now: u64) {
+        self.guard.heard(now);
         let reply = match self.numbering.turn(request) {
             Turn::Do => {
                 let reply = self.serve(&request.command, now);
@@ -54,31 +53,42 @@ impl<B: Board> Device<B> {
                 reply
             }
             Turn::Repeat(reply) => reply,
-            Turn::Refuse(refusal) => Reply::Refused(refusal),
+            Turn::Refuse(refusal) => Pending::Refused(refusal),
         };
         self.outbox.reply(request.number, reply);
     }
 
     #[inline(never)]
-    fn serve(&mut self, command: &Command, now: u64) -> Reply {
+    fn serve(&mut self, command: &Command<'_>, now: u64) -> Pending {
         let outcome = match *command {
-            Command::Hello => Ok(Reply::Hello(self.hello())),
-            Command::Status => Ok(Reply::Status(self.status(now))),
-            Command::Upload(ref bytes) => self.upload(bytes),
+            Command::Hello => Ok(Pending::Hello),
+            Command::Status => Ok(Pending::Status),
+            Command::Upload(bytes) => self.upload(bytes),
             Command::Commit(hash) => self.commit(hash),
             Command::Arm(hash) => self.arm(hash, now),
             Command::Confirm { hash, nonce } => self.confirm(hash, nonce, now),
             Command::Start => self.start(now),
             Command::Abort => {
                 self.abort(now);
-                Ok(Reply::Done)
+                Ok(Pending::Done)
             }
             Command::Clear => self.clear(),
         };
-        outcome.unwrap_or_else(Reply::Refused)
+        outcome.unwrap_or_else(Pending::Refused)
     }
 
-    #[inline(never)]
+    /// The answer proper.
+    pub(crate) fn compose(&mut self, pending: Pending) -> Reply {
+        match pending {
+            Pending::Hello => Reply::Hello(self.hello()),
+            Pending::Status => Reply::Status(self.status()),
+            Pending::Done => Reply::Done,
+            Pending::Hash(hash) => Reply::Hash(hash),
+            Pending::Nonce(nonce) => Reply::Nonce(nonce),
+            Pending::Refused(refusal) => Reply::Refused(refusal),
+        }
+    }
+
     fn hello(&mut self) -> Hello {
         let identity = self.board.identity();
         Hello {
@@ -93,15 +103,14 @@ impl<B: Board> Device<B> {
         }
     }
 
-    #[inline(never)]
-    fn status(&mut self, now: u64) -> Status {
+    fn status(&mut self) -> Status {
         Status {
             state: self.state,
-            tick: now,
+            tick: self.board.now(),
             plan: self.plan.as_ref().map_or(0, Compiled::hash),
             interlock_closed: self.board.interlock_closed(),
             camera_ready: self.board.camera_ready(),
-            sweeps: self.sequencer.as_ref().map_or(self.sweeps, |sequencer| sequencer.begun()),
+            sweeps: self.sequencer.begun(),
             lost: self.outbox.lost(),
             garbled: self.garbled,
             overrun: self.board.overrun(),
@@ -111,42 +120,43 @@ impl<B: Board> Device<B> {
 
     /// Set a plan aside; the board's plan stays as it is.
     #[inline(never)]
-    fn upload(&mut self, bytes: &Bytes) -> Result<Reply, Refusal> {
+    fn upload(&mut self, bytes: &[u8]) -> Result<Pending, Refusal> {
         self.at_rest()?;
-        let compiled = Compiled::from_bytes(bytes.clone());
+        let compiled = Compiled::from_bytes(bytes).ok_or(Refusal::NotAPlan)?;
         let hash = compiled.hash();
         self.staged = Some(compiled);
-        Ok(Reply::Hash(hash))
+        Ok(Pending::Hash(hash))
     }
 
     /// The plan set aside becomes the board's: as a whole, checked, or not at all.
     #[inline(never)]
-    fn commit(&mut self, hash: u32) -> Result<Reply, Refusal> {
+    fn commit(&mut self, hash: u32) -> Result<Pending, Refusal> {
         self.at_rest()?;
         let ours = self.staged.as_ref().map_or(0, Compiled::hash);
         if ours != hash {
             return Err(Refusal::Hash { ours });
         }
-        let plan = self.staged.as_ref().and_then(Compiled::plan);
-        let plan = plan.ok_or(Refusal::NotAPlan)?;
-        check(&plan, &B::LIMITS).map_err(Refusal::Plan)?;
+        if !self.staged.as_ref().is_some_and(|staged| self.sequencer.load(staged)) {
+            return Err(Refusal::NotAPlan);
+        }
+        check(self.sequencer.plan(), &B::LIMITS).map_err(Refusal::Plan)?;
         self.plan = self.staged.take();
-        Ok(Reply::Hash(hash))
+        Ok(Pending::Hash(hash))
     }
 
     #[inline(never)]
-    fn arm(&mut self, hash: u32, now: u64) -> Result<Reply, Refusal> {
+    fn arm(&mut self, hash: u32, now: u64) -> Result<Pending, Refusal> {
         self.at_rest()?;
-        let plan = self.the_plan(hash)?;
-        self.preflight(&plan)?;
+        self.load(hash)?;
+        self.preflight()?;
         // It need not be secret, only different from one arming to the next.
         self.nonce = (now as u32).wrapping_mul(0x9E37_79B9) ^ self.nonce.rotate_left(7) ^ hash;
         self.state = State::Asked;
-        Ok(Reply::Nonce(self.nonce))
+        Ok(Pending::Nonce(self.nonce))
     }
 
     #[inline(never)]
-    fn confirm(&mut self, hash: u32, nonce: u32, now: u64) -> Result<Reply, Refusal> {
+    fn confirm(&mut self, hash: u32, nonce: u32, now: u64) -> Result<Pending, Refusal> {
         if self.state != State::Asked {
             return Err(Refusal::State(self.state));
         }
@@ -154,22 +164,21 @@ impl<B: Board> Device<B> {
         if nonce != self.nonce {
             return Err(Refusal::Nonce);
         }
-        let plan = self.the_plan(hash)?;
-        self.preflight(&plan)?;
-        self.armed(&plan, now);
-        Ok(Reply::Done)
+        self.load(hash)?;
+        self.preflight()?;
+        self.armed(now);
+        Ok(Pending::Done)
     }
 
     #[inline(never)]
-    fn start(&mut self, now: u64) -> Result<Reply, Refusal> {
-        let plan = self.plan.as_ref().and_then(Compiled::plan);
-        let plan = plan.ok_or(Refusal::Unsafe(Fault::PlanMemory))?;
-        if self.state != State::Armed || plan.inputs.start != Start::Command {
+    fn start(&mut self, now: u64) -> Result<Pending, Refusal> {
+        let by_command = self.sequencer.plan().inputs.start == Start::Command;
+        if self.state != State::Armed || !by_command {
             return Err(Refusal::State(self.state));
         }
-        self.preflight(&plan)?;
-        self.run(plan, now);
-        Ok(Reply::Done)
+        self.preflight()?;
+        self.run(now).map_err(Refusal::Unsafe)?;
+        Ok(Pending::Done)
     }
 
     fn abort(&mut self, now: u64) {
@@ -180,13 +189,13 @@ impl<B: Board> Device<B> {
     }
 
     #[inline(never)]
-    fn clear(&mut self) -> Result<Reply, Refusal> {
+    fn clear(&mut self) -> Result<Pending, Refusal> {
         match self.state {
             State::Asked | State::Armed | State::Running => Err(Refusal::State(self.state)),
             State::Idle | State::Finished | State::Faulted(_) => {
                 self.board.all_low();
                 self.state = State::Idle;
-                Ok(Reply::Done)
+                Ok(Pending::Done)
             }
         }
     }
@@ -199,26 +208,21 @@ impl<B: Board> Device<B> {
         }
     }
 
+    /// Load the board's plan, if it has this hash.
     #[inline(never)]
-    fn the_plan(&self, hash: u32) -> Result<Plan, Refusal> {
-        let Some(compiled) = &self.plan else { return Err(Refusal::Hash { ours: 0 }) };
-        if compiled.hash() != hash {
-            return Err(Refusal::Hash { ours: compiled.hash() });
+    fn load(&mut self, hash: u32) -> Result<(), Refusal> {
+        let ours = self.plan.as_ref().map_or(0, Compiled::hash);
+        if ours != hash {
+            return Err(Refusal::Hash { ours });
         }
-        compiled.plan().ok_or(Refusal::Unsafe(Fault::PlanMemory))
+        let loaded = self.plan.as_ref().is_some_and(|memory| self.sequencer.load(memory));
+        if loaded { Ok(()) } else { Err(Refusal::Unsafe(Fault::PlanMemory)) }
     }
 
     #[inline(never)]
-    fn preflight(&mut self, plan: &Plan) -> Result<(), Refusal> {
-        Guard::preflight(&plan.inputs, &mut self.board).map_err(Refusal::Unsafe)
-    }
-
-    /// All outputs low, and say why.
-    #[inline(never)]
-    pub(crate) fn stop(&mut self, fault: Fault, now: u64) {
-        self.board.all_low();
-        self.leave(State::Faulted(fault));
-        self.outbox.tell(Event::Stopped { fault, tick: now });
+    fn preflight(&mut self) -> Result<(), Refusal> {
+        let inputs = &self.sequencer.plan().inputs;
+        Guard::preflight(inputs, &mut self.board).map_err(Refusal::Unsafe)
     }
 }
 

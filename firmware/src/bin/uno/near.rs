@@ -2,23 +2,15 @@
 
 use crate::shared::Shared;
 use crate::timers::{self, CLOSE, FAR, Phases};
-use heapless::Deque;
 use phasewalk_firmware::arming::{Arming, NearEdge, NearEdges};
 use phasewalk_firmware::channel::Channel;
 use phasewalk_firmware::fault::Fault;
-
-/// Edges made that wait for the main loop. In its longest pass each output makes at most
-/// one armed edge and those waiting behind it.
-const MADE: usize = 16;
 
 /// Edges from being near until being told.
 pub struct Near {
     laser: NearEdges,
     camera: NearEdges,
     led: NearEdges,
-    made: Deque<(Channel, NearEdge), MADE>,
-    /// What the outputs became last: laser, camera, LED.
-    levels: [bool; 3],
     /// The camera's trigger whose first exposure is awaited.
     trigger: Option<u16>,
     exposed: Option<u16>,
@@ -35,8 +27,6 @@ pub static NEAR: Shared<Near> = Shared::new(Near {
     laser: NearEdges::new(),
     camera: NearEdges::new(),
     led: NearEdges::new(),
-    made: Deque::new(),
-    levels: [false; 3],
     trigger: None,
     exposed: None,
     fault: None,
@@ -46,44 +36,29 @@ pub static NEAR: Shared<Near> = Shared::new(Near {
 });
 
 impl Near {
-    /// Whether a channel has room for an edge.
-    pub fn has_room(&self, channel: Channel) -> bool {
+    /// Take an edge less than [`FAR`]`.reach` ahead, and arm it if it is the next; false when there
+    /// is no room.
+    #[inline(never)]
+    pub fn push(&mut self, channel: Channel, edge: NearEdge) -> bool {
         match channel {
-            Channel::Laser => self.laser.has_room(),
-            Channel::Camera => self.camera.has_room(),
-            Channel::Stimulus => self.led.has_room(),
-        }
-    }
-
-    /// Take an edge less than [`FAR`]`.reach` ahead and arm it if it is the next.
-    pub fn push(&mut self, channel: Channel, edge: NearEdge) {
-        match channel {
-            Channel::Laser => {
-                self.laser.push(edge);
-                self.arm_laser();
-            }
-            Channel::Camera => {
-                self.camera.push(edge);
-                self.arm_camera();
-            }
-            Channel::Stimulus => {
-                self.led.push(edge);
-                self.wake_led();
-            }
+            Channel::Laser => self.laser.push(edge) && self.arm_laser(),
+            Channel::Camera => self.camera.push(edge) && self.arm_camera(),
+            Channel::Stimulus => self.led.push(edge) && self.wake_led(),
         }
     }
 
     #[inline(always)]
-    fn arm_laser(&mut self) {
+    fn arm_laser(&mut self) -> bool {
         match self.laser.arm(timers::counter(), FAR) {
             Arming::Set(edge) => timers::arm_laser(edge),
             Arming::Late => self.stop(Fault::Late),
-            Arming::Nothing | Arming::Wait(_) => {}
+            Arming::Nothing | Arming::Wait => {}
         }
+        true
     }
 
     #[inline(always)]
-    fn arm_camera(&mut self) {
+    fn arm_camera(&mut self) -> bool {
         match self.camera.arm(timers::counter(), FAR) {
             Arming::Set(edge) => {
                 timers::arm_camera(edge);
@@ -92,8 +67,9 @@ impl Near {
                 }
             }
             Arming::Late => self.stop(Fault::Late),
-            Arming::Nothing | Arming::Wait(_) => {}
+            Arming::Nothing | Arming::Wait => {}
         }
+        true
     }
 
     /// Timer2 has woken us for the LED.
@@ -106,21 +82,27 @@ impl Near {
             }
             Arming::Late => self.stop(Fault::Late),
             // Some wraps of Timer2 too early.
-            Arming::Nothing | Arming::Wait(_) => {}
+            Arming::Nothing | Arming::Wait => {}
         }
     }
 
     #[inline(always)]
-    fn wake_led(&mut self) {
-        timers::wake_led(self.led.next().map(|edge| edge.tick), self.phases);
+    fn wake_led(&mut self) -> bool {
+        match self.led.next() {
+            Some(edge) => timers::wake_led(edge.tick, self.phases),
+            None => timers::let_led_sleep(),
+        }
+        true
     }
 
     /// A match of the laser's output.
     #[inline(always)]
     pub fn laser_matched(&mut self) {
         if let Some(edge) = self.laser.matched(timers::counter()) {
+            if timers::laser_level() != edge.high {
+                return self.stop(Fault::ReadBack);
+            }
             self.arm_laser();
-            self.note(Channel::Laser, edge);
         }
     }
 
@@ -128,11 +110,13 @@ impl Near {
     #[inline(always)]
     pub fn camera_matched(&mut self) {
         if let Some(edge) = self.camera.matched(timers::counter()) {
+            if timers::camera_level() != edge.high {
+                return self.stop(Fault::ReadBack);
+            }
             if edge.high {
                 self.await_exposure(edge.tick);
             }
             self.arm_camera();
-            self.note(Channel::Camera, edge);
         }
     }
 
@@ -141,20 +125,9 @@ impl Near {
     pub fn led_matched(&mut self) {
         if let Some(edge) = self.led.matched(timers::counter()) {
             timers::led_made();
-            self.note(Channel::Stimulus, edge);
-        }
-    }
-
-    /// An edge was made: is the pin what it should be?
-    #[inline(always)]
-    fn note(&mut self, channel: Channel, edge: NearEdge) {
-        let index = channel.index();
-        if let Some(level) = self.levels.get_mut(index) {
-            *level = edge.high;
-        }
-        let full = self.made.push_back((channel, edge)).is_err();
-        if full || timers::levels().get(index) != Some(&edge.high) {
-            self.stop(Fault::ReadBack);
+            if timers::led_level() != edge.high {
+                self.stop(Fault::ReadBack);
+            }
         }
     }
 
@@ -192,8 +165,15 @@ impl Near {
     }
 
     /// An edge that was made.
+    #[inline(never)]
     pub fn made(&mut self) -> Option<(Channel, NearEdge)> {
-        self.made.pop_front()
+        if let Some(edge) = self.laser.collect() {
+            return Some((Channel::Laser, edge));
+        }
+        if let Some(edge) = self.camera.collect() {
+            return Some((Channel::Camera, edge));
+        }
+        self.led.collect().map(|edge| (Channel::Stimulus, edge))
     }
 
     /// The first exposure after a trigger.
@@ -203,18 +183,23 @@ impl Near {
 
     /// Whether the pins are what the edges made so far say. A pin whose edge has been made but not
     /// noted is not looked at: its interrupt does.
-    pub fn read_back(&mut self) -> bool {
-        let levels = timers::levels();
+    #[inline(never)]
+    pub fn read_back(&self) -> bool {
+        let laser = timers::laser_level() == self.laser.level();
+        let camera = timers::camera_level() == self.camera.level();
+        let led = timers::led_level() == self.led.level();
+        if laser && camera && led {
+            return true;
+        }
         // After the pins: an edge between the two reads counts as passed.
         let now = timers::counter();
-        let edges = [&self.laser, &self.camera, &self.led];
-        let agrees = |((edges, level), expected): ((&&NearEdges, &bool), &bool)| {
-            level == expected || edges.has_passed(now)
-        };
-        edges.iter().zip(&levels).zip(&self.levels).all(agrees)
+        (laser || self.laser.has_passed(now))
+            && (camera || self.camera.has_passed(now))
+            && (led || self.led.has_passed(now))
     }
 
     /// All outputs low for a reason.
+    #[inline(never)]
     pub fn stop(&mut self, fault: Fault) {
         timers::all_low();
         self.forget();
@@ -235,10 +220,9 @@ impl Near {
 
     fn forget(&mut self) {
         timers::await_capture(false);
-        self.laser.clear();
-        self.camera.clear();
-        self.led.clear();
-        self.levels = [false; 3];
+        self.laser.stop();
+        self.camera.stop();
+        self.led.stop();
         self.trigger = None;
     }
 }

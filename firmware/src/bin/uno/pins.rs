@@ -12,8 +12,6 @@ pub struct Output<const BIT: u8>;
 
 /// Interlock: low = closed. With its pull-up, so that a broken wire reads open.
 pub type Interlock = Input<2>;
-/// Start input. Needs a pull-down outside.
-pub type StartInput = Input<3>;
 /// Camera READY: high = ready. Needs a pull-down outside, so that a broken wire reads "not ready".
 pub type Ready = Input<4>;
 /// The far end of the safety loop in "pulsed" mode: low but for the test.
@@ -21,7 +19,8 @@ pub type LoopEnd = Output<5>;
 /// Dynamic enable.
 pub type Enable = Output<7>;
 
-/// Directions and the pull-up.
+/// Directions and the pull-up. D3, the start input, is watched by its interrupt; it needs a
+/// pull-down outside.
 pub fn start() {
     change!(portd().portd, 1 << 3 | 1 << 4, 1 << 2);
     change!(portd().ddrd, 1 << 2 | 1 << 3 | 1 << 4, 0);

@@ -14,11 +14,11 @@ use phasewalk_firmware::arming::{NearEdge, Window};
 pub const FAR: Window = Window { least: 160, most: 65_535 - 2_047, reach: 65_535 - 2_047 };
 
 /// The LED: 8 bits, so it must be written within the last 255 ticks.
-pub const CLOSE: Window = Window { least: 60, most: 245, reach: FAR.reach };
+pub const CLOSE: Window = Window { least: 64, most: 245, reach: FAR.reach };
 
 /// The LED's arming is woken so many ticks before its edge: less than [`CLOSE`]`.most`, and more
 /// than `.least` by the longest time for which interrupts are disabled.
-const WAKE: u16 = 236;
+const WAKE: u16 = 240;
 
 const CLK_1: u8 = 0b001;
 const CLK_8: u8 = 0b010;
@@ -139,15 +139,17 @@ pub fn led_made() {
     set!(tc0().timsk0, 0);
 }
 
-/// Wake the arming of the LED for the edge at `tick`, or let it sleep.
+/// Wake the arming of the LED for the edge at `tick`.
 #[inline(always)]
-pub fn wake_led(tick: Option<u16>, phases: Phases) {
-    if let Some(tick) = tick {
-        set!(tc2().ocr2a, phases.wake(tick));
-        set!(tc2().timsk2, 1 << 1);
-    } else {
-        set!(tc2().timsk2, 0);
-    }
+pub fn wake_led(tick: u16, phases: Phases) {
+    set!(tc2().ocr2a, phases.wake(tick));
+    set!(tc2().timsk2, 1 << 1);
+}
+
+/// No edge of the LED is near.
+#[inline(always)]
+pub fn let_led_sleep() {
+    set!(tc2().timsk2, 0);
 }
 
 /// Outputs disconnected from the timers: the ports, always low, take over at once.
@@ -161,11 +163,21 @@ pub fn all_low() {
     set!(tc2().timsk2, 0);
 }
 
-/// The pins as they are: laser, camera, LED.
+// The pins as they are.
+
 #[inline(always)]
-pub fn levels() -> [bool; 3] {
-    let (b, d) = (portb().pinb.read().bits(), portd().pind.read().bits());
-    [b & LASER != 0, b & CAMERA != 0, d & LED != 0]
+pub fn laser_level() -> bool {
+    portb().pinb.read().bits() & LASER != 0
+}
+
+#[inline(always)]
+pub fn camera_level() -> bool {
+    portb().pinb.read().bits() & CAMERA != 0
+}
+
+#[inline(always)]
+pub fn led_level() -> bool {
+    portd().pind.read().bits() & LED != 0
 }
 
 /// EXPOSE: forget captures so far.

@@ -34,11 +34,7 @@ impl Uno {
     /// Everything set up, interrupts still off.
     pub fn start() -> Self {
         pins::start();
-        let phases = timers::start();
-        free(|cs| NEAR.with(cs, |near| near.phases = phases));
-        set!(exint().eicra, RISING);
-        set!(exint().eimsk, INT1);
-        serial::start();
+        // A quarter of a second; before the clock starts, whose interrupts would be missed.
         let identity = Identity {
             model: Model::Uno,
             build: BUILD,
@@ -46,6 +42,11 @@ impl Uno {
             image_bytes: u32::from(memory::image_bytes()),
             reset: reset::cause(),
         };
+        let phases = timers::start();
+        free(|cs| NEAR.with(cs, |near| near.phases = phases));
+        set!(exint().eicra, RISING);
+        set!(exint().eimsk, INT1);
+        serial::start();
         Self { identity, enabled: false }
     }
 }
@@ -59,58 +60,56 @@ const BUILD: u32 = match option_env!("PHASEWALK_BUILD") {
     None => 0,
 };
 
+// Interrupts wait while one of these runs, so each is short.
+
 fn near<R>(use_it: impl FnOnce(&mut Near) -> R) -> R {
     free(|cs| NEAR.with(cs, use_it))
 }
 
 #[inline(never)]
-fn now(near: &mut Near) -> u64 {
-    clock::extend(near.overflows, timers::counter(), timers::overflow_pending())
+fn now() -> u64 {
+    let (overflows, counter, pending) =
+        near(|near| (near.overflows, timers::counter(), timers::overflow_pending()));
+    clock::extend(overflows, counter, pending)
 }
 
 /// A tick of the last wrap, from its low bits.
 #[inline(never)]
-fn recent(near: &mut Near, tick: u16) -> u64 {
-    let now = now(near);
-    now - u64::from((now as u16).wrapping_sub(tick))
+fn recent(tick: u16) -> u64 {
+    let now = now();
+    now.wrapping_sub(u64::from((now as u16).wrapping_sub(tick)))
 }
 
 impl Outputs for Uno {
     fn now(&mut self) -> u64 {
-        near(now)
+        now()
     }
 
     #[inline(never)]
     fn offer(&mut self, edge: Edge) -> Offer {
         let limits = Self::LIMITS;
-        near(|near| {
-            let now = now(near);
-            let left = edge.tick.saturating_sub(now);
-            if left < u64::from(limits.lead) {
-                Offer::Late
-            } else if left > u64::from(limits.reach) || !near.has_room(edge.channel) {
-                Offer::Later
-            } else {
-                near.push(edge.channel, NearEdge { tick: edge.tick as u16, high: edge.high });
-                Offer::Taken
-            }
-        })
+        let left = edge.tick.saturating_sub(now());
+        if left < u64::from(limits.lead) {
+            return Offer::Late;
+        }
+        if left > u64::from(limits.reach) {
+            return Offer::Later;
+        }
+        // If it has become late by now, arming finds out.
+        let near_edge = NearEdge { tick: edge.tick as u16, high: edge.high };
+        let taken = near(|near| near.push(edge.channel, near_edge));
+        if taken { Offer::Taken } else { Offer::Later }
     }
 
     #[inline(never)]
     fn made(&mut self) -> Option<Edge> {
-        near(|near| {
-            let (channel, edge) = near.made()?;
-            Some(Edge { channel, high: edge.high, tick: recent(near, edge.tick) })
-        })
+        let (channel, edge) = near(Near::made)?;
+        Some(Edge { channel, high: edge.high, tick: recent(edge.tick) })
     }
 
     #[inline(never)]
     fn exposed(&mut self) -> Option<u64> {
-        near(|near| {
-            let capture = near.exposed()?;
-            Some(recent(near, capture))
-        })
+        near(Near::exposed).map(recent)
     }
 
     #[inline(never)]
@@ -121,7 +120,7 @@ impl Outputs for Uno {
 
     #[inline(never)]
     fn read_back(&mut self) -> bool {
-        near(Near::read_back)
+        near(|near| near.read_back())
     }
 
     fn latched(&mut self) -> Option<Fault> {
