@@ -62,6 +62,9 @@ pub struct Compiled {
 }
 
 impl Compiled {
+    /// No plan; its hash is 0.
+    pub const EMPTY: Self = Self { bytes: Bytes::new(), hash: 0 };
+
     /// Compile a plan; `None` when it needs more than [`MAX_BYTES`].
     #[must_use]
     pub fn new(plan: &Plan) -> Option<Self> {
@@ -71,11 +74,14 @@ impl Compiled {
         Some(Self { bytes, hash })
     }
 
-    /// Bytes as they arrived; `None` when there are more than [`MAX_BYTES`].
+    /// Store bytes as they arrived; false, and nothing is stored, when there are more than
+    /// [`MAX_BYTES`].
     #[must_use]
-    pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
-        let hash = hash(bytes);
-        Some(Self { bytes: Bytes::from_slice(bytes).ok()?, hash })
+    pub fn store(&mut self, bytes: &[u8]) -> bool {
+        self.bytes.clear();
+        let stored = self.bytes.extend_from_slice(bytes).is_ok();
+        self.hash = if stored { hash(bytes) } else { 0 };
+        stored
     }
 
     /// The bytes.
@@ -90,16 +96,22 @@ impl Compiled {
         self.hash
     }
 
-    /// The plan, if the bytes are still those that were stored and mean one.
+    /// The bytes are still those that were stored.
+    #[must_use]
+    pub fn is_intact(&self) -> bool {
+        hash(&self.bytes) == self.hash
+    }
+
+    /// Make `plan` the plan that the bytes mean; false, and `plan` is of no use, if they mean none.
+    #[must_use]
+    pub fn read(&self, plan: &mut Plan) -> bool {
+        layout::read(&self.bytes, plan)
+    }
+
+    /// The plan, if the bytes are intact and mean one.
     #[must_use]
     pub fn plan(&self) -> Option<Plan> {
         let mut plan = Plan::EMPTY;
-        self.read(&mut plan).then_some(plan)
-    }
-
-    /// The same into `plan`; false, and `plan` is of no use, if it is none.
-    #[must_use]
-    pub fn read(&self, plan: &mut Plan) -> bool {
-        hash(&self.bytes) == self.hash && layout::read(&self.bytes, plan)
+        (self.is_intact() && self.read(&mut plan)).then_some(plan)
     }
 }

@@ -7,6 +7,7 @@
 //! The same code runs on every board and, against a simulated clock, on the desktop.
 
 use crate::board::Board;
+use crate::channel::Channel;
 use crate::compiled::Compiled;
 use crate::fault::Fault;
 use crate::frame::{Received, Receiver};
@@ -18,14 +19,13 @@ use crate::sequencer::{Remaining, START_PASSES, Sequencer};
 use crate::session::Numbering;
 
 /// Bytes of the line taken in a pass at most: so its length has a bound.
-const BYTES: usize = 8;
-
-/// Events of the outputs taken in a pass at most.
-const EDGES: usize = 12;
+const BYTES: usize = 16;
 
 /// A board with its program.
 pub struct Device<B> {
     receiver: Receiver,
+    /// This pass listens, the next speaks.
+    listens: bool,
     program: Program<B>,
 }
 
@@ -33,8 +33,8 @@ pub struct Device<B> {
 pub(crate) struct Program<B> {
     pub(crate) board: B,
     pub(crate) state: State,
-    pub(crate) staged: Option<Compiled>,
-    pub(crate) plan: Option<Compiled>,
+    pub(crate) staged: Compiled,
+    pub(crate) plan: Compiled,
     pub(crate) nonce: u32,
     pub(crate) numbering: Numbering,
     pub(crate) guard: Guard,
@@ -53,8 +53,8 @@ impl<B: Board> Device<B> {
         let program = Program {
             board,
             state: State::Idle,
-            staged: None,
-            plan: None,
+            staged: Compiled::EMPTY,
+            plan: Compiled::EMPTY,
             nonce: 0,
             numbering: Numbering::default(),
             guard: Guard::default(),
@@ -64,7 +64,7 @@ impl<B: Board> Device<B> {
             garbled: 0,
             longest: Longest::default(),
         };
-        Self { receiver: Receiver::default(), program }
+        Self { receiver: Receiver::default(), listens: false, program }
     }
 
     /// The board.
@@ -82,8 +82,13 @@ impl<B: Board> Device<B> {
     pub fn pass(&mut self) {
         let now = self.program.board.now();
         self.program.work(now);
-        self.listen(now);
-        self.program.speak();
+        // One thing that takes long per pass, so that its length has a bound.
+        let laboured = self.program.state == State::Running && self.program.sequencer.laboured();
+        if !laboured {
+            self.listens = !self.listens;
+            if self.listens { self.listen(now) } else { self.program.speak() }
+        }
+        self.program.outbox.pass(&mut self.program.board);
         self.program.live(now);
     }
 
@@ -111,11 +116,10 @@ impl<B: Board> Program<B> {
         }
     }
 
-    /// What the hardware has made.
+    /// What the hardware has made: one edge per pass, as many as are handed over.
     #[inline(never)]
     fn collect(&mut self) {
-        for _ in 0..EDGES {
-            let Some(edge) = self.board.made() else { break };
+        if let Some(edge) = self.board.made() {
             self.guard.made(edge);
             self.sequencer.made();
             self.outbox.tell(Event::Made(edge));
@@ -137,9 +141,8 @@ impl<B: Board> Program<B> {
 
     #[inline(never)]
     fn advance(&mut self, now: u64) -> Result<(), Fault> {
-        let Some(memory) = &self.plan else { return Ok(()) };
         if self.state == State::Running {
-            if self.sequencer.pass(&mut self.board, memory, now)? == Remaining::Nothing {
+            if self.sequencer.pass(&mut self.board, &self.plan, now)? == Remaining::Nothing {
                 self.finish(now);
             }
         } else if self.state == State::Armed
@@ -164,7 +167,6 @@ impl<B: Board> Program<B> {
                 self.outbox.say(&answer);
             }
         }
-        self.outbox.pass(&mut self.board);
     }
 
     fn live(&mut self, now: u64) {
@@ -193,7 +195,7 @@ impl<B: Board> Program<B> {
     #[inline(never)]
     pub(crate) fn run(&mut self, edge: u64) -> Result<(), Fault> {
         // The plan may have waited for hours.
-        if !self.plan.as_ref().is_some_and(|memory| self.sequencer.load(memory)) {
+        if !self.sequencer.load(&self.plan) {
             return Err(Fault::PlanMemory);
         }
         let start = edge.saturating_add(u64::from(B::LIMITS.pass * START_PASSES));
@@ -213,6 +215,10 @@ impl<B: Board> Program<B> {
     /// All outputs low, and say why.
     #[inline(never)]
     pub(crate) fn stop(&mut self, fault: Fault, now: u64) {
+        // Of each output at most two edges have been made since the last pass.
+        for _ in 0..2 * Channel::ALL.len() {
+            self.collect();
+        }
         self.board.all_low();
         self.leave(State::Faulted(fault));
         self.outbox.tell(Event::Stopped { fault, tick: now });

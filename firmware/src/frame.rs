@@ -3,7 +3,8 @@
 //! A zero byte ends a frame and occurs nowhere else, so a receiver that has lost its place finds
 //! it again at the next frame. The CRC is CRC-16/IBM-SDLC ("X.25").
 
-use crate::crc::crc16;
+use crate::crc::{CRC_16_RESIDUE, crc16, crc16_byte};
+use cobs::{DecodeResult, DecoderState};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
@@ -42,18 +43,6 @@ pub(crate) fn encode_into<M: Serialize>(message: &M, frame: &mut Frame) -> Optio
     frame.push(0).ok()
 }
 
-/// The bytes between two zeros, turned back into a message; `None` when they are not one.
-#[inline(never)]
-fn decode<'a, M: Deserialize<'a>>(bytes: &'a mut [u8]) -> Option<M> {
-    let length = cobs::decode_in_place(bytes).ok()?;
-    let (message, crc) = bytes.get(..length)?.split_last_chunk::<CRC_BYTES>()?;
-    if crc16(message) != u16::from_le_bytes(*crc) {
-        return None;
-    }
-    let (message, rest) = postcard::take_from_bytes(message).ok()?;
-    rest.is_empty().then_some(message)
-}
-
 /// What a byte brought.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Received<M> {
@@ -65,34 +54,72 @@ pub enum Received<M> {
     Message(M),
 }
 
-/// Puts bytes together to frames.
-#[derive(Debug, Clone, Default)]
+/// Puts bytes together to frames. Every byte is dealt with as it comes, so that the end of a frame
+/// takes no longer than the others.
+#[derive(Debug)]
 pub struct Receiver {
-    bytes: Vec<u8, MAX_FRAME>,
-    /// The frame has become too long to be one; skip to its end.
-    overlong: bool,
-    /// The frame has been handed out; the next byte begins another.
-    complete: bool,
+    decoder: DecoderState,
+    /// Message and CRC so far.
+    bytes: Vec<u8, MAX_MESSAGE>,
+    crc: u16,
+    place: Place,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Place {
+    /// Before the first byte of a frame.
+    Before,
+    /// Within one.
+    Within,
+    /// Within what cannot be one: skip to its end.
+    Lost,
+}
+
+impl Default for Receiver {
+    fn default() -> Self {
+        Self { decoder: DecoderState::Idle, bytes: Vec::new(), crc: u16::MAX, place: Place::Before }
+    }
 }
 
 impl Receiver {
     /// Take the next byte of the line. A message may borrow from the receiver.
     #[inline(never)]
     pub fn take<'a, M: Deserialize<'a>>(&'a mut self, byte: u8) -> Received<M> {
-        if core::mem::take(&mut self.complete) {
+        if self.place == Place::Before {
+            // Zeros may fill the pauses.
+            if byte == 0 {
+                return Received::Nothing;
+            }
+            self.decoder = DecoderState::Idle;
             self.bytes.clear();
+            self.crc = u16::MAX;
+            self.place = Place::Within;
+        }
+        let fed = if self.place == Place::Lost { None } else { self.decoder.feed(byte).ok() };
+        match fed {
+            Some(DecodeResult::DataContinue(data)) => self.put(data),
+            Some(DecodeResult::NoData | DecodeResult::DataStart | DecodeResult::DataComplete) => {}
+            None => self.place = Place::Lost,
         }
         if byte != 0 {
-            self.overlong |= self.bytes.push(byte).is_err();
             return Received::Nothing;
         }
-        let overlong = core::mem::take(&mut self.overlong);
-        // Zeros may fill the pauses.
-        if self.bytes.is_empty() {
-            return Received::Nothing;
-        }
-        self.complete = true;
-        let message = if overlong { None } else { decode(&mut self.bytes) };
+        let whole = self.place == Place::Within && self.crc == CRC_16_RESIDUE;
+        self.place = Place::Before;
+        let message = if whole { self.message() } else { None };
         message.map_or(Received::Garbled, Received::Message)
+    }
+
+    fn put(&mut self, data: u8) {
+        self.crc = crc16_byte(self.crc, data);
+        if self.bytes.push(data).is_err() {
+            self.place = Place::Lost;
+        }
+    }
+
+    fn message<'a, M: Deserialize<'a>>(&'a self) -> Option<M> {
+        let (message, _) = self.bytes.split_last_chunk::<CRC_BYTES>()?;
+        let (message, rest) = postcard::take_from_bytes(message).ok()?;
+        rest.is_empty().then_some(message)
     }
 }

@@ -1,15 +1,16 @@
-//! Bytes of a compiled plan: its numbers in the order of [`Plan`]'s definition, each with seven bits
-//! per byte, high bits first, the top bit set on all but the last byte.
+//! Bytes of a compiled plan: its numbers in the order of [`Plan`]'s definition.
 //!
-//! A number that is small takes a byte whatever its type, so the paper's plan takes 57 bytes; and one
-//! routine reads them all, which matters where flash is 32 KiB. High bits first, because then every
-//! shift is by seven: an 8-bit processor needs a thousand cycles to shift 64 bits by a variable.
+//! A number below 128 is one byte, whatever its type; a larger one is 128 + the count of its bytes,
+//! and these, low ones first. So the paper's plan takes 63 bytes; one routine reads them all, which
+//! matters where flash is 32 KiB; and nothing is shifted, which takes an 8-bit processor a thousand
+//! cycles for 64 bits.
 
 use crate::compiled::Bytes;
 use crate::plan::{Interlock, Plan, Pulse, Start, Stimulus};
 
-const BITS: u32 = 7;
-const MORE: u8 = 1 << BITS;
+/// The first byte of a number that does not fit into it: this, plus the count of the others.
+const LONG: u8 = 0x80;
+const WIDTH: usize = size_of::<u64>();
 
 /// Append a plan; `None` when the bytes have no room.
 pub(crate) fn write(plan: &Plan, bytes: &mut Bytes) -> Option<()> {
@@ -52,18 +53,18 @@ pub(crate) fn write(plan: &Plan, bytes: &mut Bytes) -> Option<()> {
 }
 
 fn put(bytes: &mut Bytes, number: u64) -> Option<()> {
-    let groups = (u64::BITS - number.leading_zeros()).div_ceil(BITS).max(1);
-    for group in (0..groups).rev() {
-        let more = if group > 0 { MORE } else { 0 };
-        bytes.push((number >> (group * BITS)) as u8 & !MORE | more).ok()?;
+    if number < u64::from(LONG) {
+        return bytes.push(number as u8).ok();
     }
-    Some(())
+    let count = WIDTH - number.leading_zeros() as usize / 8;
+    bytes.push(LONG + count as u8).ok()?;
+    bytes.extend_from_slice(number.to_le_bytes().get(..count)?).ok()
 }
 
 /// Make `plan` the plan that the bytes mean; false, and `plan` is of no use, when they mean none.
 #[inline(never)]
 pub(crate) fn read(bytes: &[u8], plan: &mut Plan) -> bool {
-    let mut numbers = Numbers { bytes, valid: true };
+    let mut numbers = Numbers { bytes: bytes.iter(), valid: true };
     let n = &mut numbers;
     plan.inputs.interlock = n.interlock();
     plan.inputs.ready = n.flag();
@@ -84,57 +85,84 @@ pub(crate) fn read(bytes: &[u8], plan: &mut Plan) -> bool {
     plan.caps.images_per_sweep = n.long();
     plan.caps.camera_images = n.long();
     plan.caps.heartbeat = n.long();
-    numbers.valid && numbers.bytes.is_empty()
+    numbers.valid && numbers.bytes.as_slice().is_empty()
 }
 
 /// Reads numbers; what cannot be one is 0 and makes the whole invalid.
 struct Numbers<'a> {
-    bytes: &'a [u8],
+    bytes: core::slice::Iter<'a, u8>,
     valid: bool,
 }
 
 impl Numbers<'_> {
+    fn octet(&mut self) -> u8 {
+        if let Some(&byte) = self.bytes.next() {
+            byte
+        } else {
+            self.valid = false;
+            0
+        }
+    }
+
+    /// The bytes of a number, into so many zeros.
+    #[inline(never)]
+    fn fill(&mut self, number: &mut [u8]) {
+        let first = self.octet();
+        let mut count = 0;
+        if first >= LONG {
+            count = first - LONG;
+        } else if let Some(low) = number.first_mut() {
+            *low = first;
+        }
+        for slot in number {
+            if count == 0 {
+                return;
+            }
+            count -= 1;
+            *slot = self.octet();
+        }
+        self.valid &= count == 0;
+    }
+
     #[inline(never)]
     fn next(&mut self) -> u64 {
-        let mut number = 0_u64;
-        while let Some((&byte, rest)) = self.bytes.split_first() {
-            self.bytes = rest;
-            // What is pushed out at the top was no number of 64 bits.
-            self.valid &= number >> (u64::BITS - BITS) == 0;
-            number = (number << BITS) | u64::from(byte & !MORE);
-            if byte & MORE == 0 {
-                return number;
-            }
-        }
-        self.valid = false;
-        0
+        let mut number = [0; WIDTH];
+        self.fill(&mut number);
+        u64::from_le_bytes(number)
     }
 
     #[inline(never)]
-    fn at_most(&mut self, most: u32) -> u32 {
-        let number = self.next();
-        self.valid &= number <= u64::from(most);
-        number as u32
-    }
-
     fn long(&mut self) -> u32 {
-        self.at_most(u32::MAX)
+        let mut number = [0; 4];
+        self.fill(&mut number);
+        u32::from_le_bytes(number)
     }
 
     fn short(&mut self) -> u16 {
-        self.at_most(u16::MAX.into()) as u16
+        let mut number = [0; 2];
+        self.fill(&mut number);
+        u16::from_le_bytes(number)
     }
 
     fn byte(&mut self) -> u8 {
-        self.at_most(u8::MAX.into()) as u8
+        let mut number = [0];
+        self.fill(&mut number);
+        u8::from_le_bytes(number)
+    }
+
+    /// A number below `end`.
+    fn choice(&mut self, end: u8) -> u8 {
+        let number = self.byte();
+        self.valid &= number < end;
+        number
     }
 
     fn flag(&mut self) -> bool {
-        self.at_most(1) == 1
+        self.choice(2) == 1
     }
 
     fn interlock(&mut self) -> Interlock {
-        match self.at_most(2) {
+        match self.choice(3) {
             0 => Interlock::Off,
             1 => Interlock::On,
             _ => Interlock::Pulsed,
@@ -184,7 +212,7 @@ mod tests {
     fn a_plan_comes_back_from_its_bytes() {
         let mut plan = paper();
         assert_eq!(read(&bytes_of(&plan)), Some(plan));
-        assert_eq!(bytes_of(&plan).len(), 57);
+        assert_eq!(bytes_of(&plan).len(), 63);
         plan.stimulus = None;
         plan.interval = u64::MAX;
         plan.inputs = Inputs { interlock: Interlock::Pulsed, ready: false, start: Start::External };

@@ -1,5 +1,6 @@
 //! What a board can do, as it says in its hello, and what no plan may ask of it.
 
+use crate::arming::REACH;
 use serde::{Deserialize, Serialize};
 
 /// What a board can do and what no plan may ask of it. Times are in ticks of its clock.
@@ -31,8 +32,8 @@ impl Limits {
         ticks_per_second: 16_000_000,
         shortest: 800,
         lead: 160,
-        reach: 65_536 - 2_048,
-        pass: 16_000,
+        reach: REACH as u32,
+        pass: 20_000,
         interrupt: 480,
         laser_pulse: 16_000_000,
         laser_total: 600 * 16_000_000,

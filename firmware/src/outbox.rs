@@ -9,7 +9,7 @@ use heapless::Deque;
 const EVENTS: usize = 8;
 
 /// Bytes of a pass at most: so its length has a bound.
-const BYTES: usize = 4;
+const BYTES: usize = 16;
 
 /// An answer that waits. What is long is put together when it can be said, not before: memory is
 /// short.

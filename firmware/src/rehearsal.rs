@@ -3,7 +3,7 @@
 //! It serves the host (what will the board do with these bytes, and how much time is left for each
 //! edge when every pass is as long as it may be?) and the tests of this crate.
 
-use crate::arming;
+use crate::arming::DEPTH;
 use crate::board::{Board, Identity, Inputs, Life, Line, Offer, Outputs};
 use crate::channel::{Channel, Edge};
 use crate::compiled::Compiled;
@@ -15,9 +15,6 @@ use heapless::Deque;
 
 /// Bytes in flight in either direction.
 const LINE: usize = 512;
-
-/// Edges that wait on each output.
-const DEPTH: usize = arming::DEPTH as usize;
 
 /// Edges made and not yet collected.
 const MADE: usize = 3 * DEPTH;

@@ -6,8 +6,8 @@
 //!                        └────────────────── all handed over ◄──────────────────────────┘
 //! ```
 //!
-//! It never makes an edge itself. A pass does at most one step for the sweeps and hands over at
-//! most one edge of each channel, so that its length has a bound.
+//! It never makes an edge itself. A pass verifies the plan or takes up a sweep, not both, and hands
+//! over what the hardware takes, so that its length has a bound.
 
 use crate::board::{Board, Offer};
 use crate::channel::{Channel, Edge};
@@ -18,7 +18,7 @@ use crate::schedule::{Light, Sweep, Sweeps};
 
 /// From the start of a run to its time zero, in passes of [`Limits::pass`](crate::limits::Limits):
 /// enough to hand over the first edges.
-pub const START_PASSES: u32 = 4;
+pub const START_PASSES: u32 = 5;
 
 /// Where a run is.
 #[derive(Debug, Clone)]
@@ -27,6 +27,9 @@ pub struct Sequencer {
     start: u64,
     sweeps: Sweeps,
     next_sweep: Option<Sweep>,
+    /// The memory has been verified for the next sweep.
+    verified: bool,
+    laboured: bool,
     /// Of the current sweep, what has not been handed over.
     pending: [Option<Edge>; 4],
     light: Light,
@@ -53,6 +56,8 @@ impl Default for Sequencer {
             start: 0,
             sweeps: Sweeps::default(),
             next_sweep: None,
+            verified: false,
+            laboured: false,
             pending: [None; 4],
             light: Light::default(),
             next_light: None,
@@ -67,7 +72,7 @@ impl Sequencer {
     /// what was stored. Not during a run.
     #[must_use]
     pub fn load(&mut self, memory: &Compiled) -> bool {
-        memory.read(&mut self.plan)
+        memory.is_intact() && memory.read(&mut self.plan)
     }
 
     /// Begin to run the loaded plan; its time zero is the tick `start`.
@@ -76,6 +81,7 @@ impl Sequencer {
         self.start = start;
         self.sweeps = Sweeps::default();
         self.next_sweep = self.sweeps.next(&self.plan);
+        self.verified = false;
         self.pending = [None; 4];
         self.light = Light::default();
         self.next_light = self.light.next(&self.plan, start);
@@ -111,11 +117,12 @@ impl Sequencer {
         memory: &Compiled,
         now: u64,
     ) -> Result<Remaining, Fault> {
-        if self.pending == [None; 4] {
-            self.begin_sweep(board, memory, now)?;
-        } else {
-            self.offer_sweep(board)?;
+        self.laboured = false;
+        if self.pending == [None; 4] && self.verified {
+            self.begin_sweep(board, memory)?;
         }
+        self.offer_sweep(board)?;
+        self.verify::<B>(memory, now)?;
         self.offer_light(board)?;
         let handed_over =
             self.next_sweep.is_none() && self.pending == [None; 4] && self.next_light.is_none();
@@ -123,21 +130,31 @@ impl Sequencer {
         Ok(if nothing { Remaining::Nothing } else { Remaining::Edges })
     }
 
-    /// Take up the next sweep once it is near: verify the plan, ask the camera.
+    /// Whether the last pass did something that takes long.
+    #[must_use]
+    pub fn laboured(&self) -> bool {
+        self.laboured
+    }
+
+    /// Once for each sweep, when it is near: its plan must be what was sent.
     #[inline(never)]
-    fn begin_sweep<B: Board>(
-        &mut self,
-        board: &mut B,
-        memory: &Compiled,
-        now: u64,
-    ) -> Result<(), Fault> {
+    fn verify<B: Board>(&mut self, memory: &Compiled, now: u64) -> Result<(), Fault> {
         let Some(sweep) = self.next_sweep else { return Ok(()) };
-        let near = u64::from(B::LIMITS.reach) + 2 * u64::from(B::LIMITS.pass);
-        let begin = self.start.wrapping_add(sweep.start);
-        if begin.saturating_sub(now) > near {
+        let near = u64::from(B::LIMITS.reach + 3 * B::LIMITS.pass);
+        let far = self.start.wrapping_add(sweep.start).saturating_sub(now) > near;
+        if far || self.verified || self.laboured {
             return Ok(());
         }
-        if !self.load(memory) {
+        (self.verified, self.laboured) = (memory.is_intact(), true);
+        if self.verified { Ok(()) } else { Err(Fault::PlanMemory) }
+    }
+
+    /// Take up the next sweep, for which the plan was verified: ask the camera.
+    #[inline(never)]
+    fn begin_sweep<B: Board>(&mut self, board: &mut B, memory: &Compiled) -> Result<(), Fault> {
+        let Some(sweep) = self.next_sweep else { return Ok(()) };
+        (self.verified, self.laboured) = (false, true);
+        if !memory.read(&mut self.plan) {
             return Err(Fault::PlanMemory);
         }
         if self.plan.inputs.ready && !board.camera_ready() {
@@ -149,16 +166,21 @@ impl Sequencer {
         Ok(())
     }
 
-    /// Of each channel the first pending edge.
+    /// Of each channel the pending edges, until one must wait.
     #[inline(never)]
     fn offer_sweep<B: Board>(&mut self, board: &mut B) -> Result<(), Fault> {
-        let mut tried = [false; Channel::ALL.len()];
+        let mut waits = [false; Channel::ALL.len()];
         for slot in &mut self.pending {
             let Some(edge) = *slot else { continue };
-            let Some(tried) = tried.get_mut(edge.channel.index()) else { continue };
-            if !core::mem::replace(tried, true) && hand_over(board, edge)? {
+            let Some(waits) = waits.get_mut(edge.channel.index()) else { continue };
+            if *waits {
+                continue;
+            }
+            if hand_over(board, edge)? {
                 self.outstanding = self.outstanding.saturating_add(1);
                 *slot = None;
+            } else {
+                *waits = true;
             }
         }
         Ok(())
@@ -166,8 +188,12 @@ impl Sequencer {
 
     #[inline(never)]
     fn offer_light<B: Board>(&mut self, board: &mut B) -> Result<(), Fault> {
-        let Some(edge) = self.next_light else { return Ok(()) };
-        if hand_over(board, edge)? {
+        // A pulse may be shorter than a pass: its two edges go together.
+        for _ in 0..2 {
+            let Some(edge) = self.next_light else { break };
+            if !hand_over(board, edge)? {
+                break;
+            }
             self.outstanding = self.outstanding.saturating_add(1);
             self.next_light = self.light.next(&self.plan, self.start);
         }

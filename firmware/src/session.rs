@@ -2,7 +2,6 @@
 
 use crate::board::Board;
 use crate::check::check;
-use crate::compiled::Compiled;
 use crate::device::Program;
 use crate::fault::Fault;
 use crate::guard::Guard;
@@ -107,7 +106,7 @@ impl<B: Board> Program<B> {
         Status {
             state: self.state,
             tick: self.board.now(),
-            plan: self.plan.as_ref().map_or(0, Compiled::hash),
+            plan: self.plan.hash(),
             interlock_closed: self.board.interlock_closed(),
             camera_ready: self.board.camera_ready(),
             sweeps: self.sequencer.begun(),
@@ -122,25 +121,23 @@ impl<B: Board> Program<B> {
     #[inline(never)]
     fn upload(&mut self, bytes: &[u8]) -> Result<Pending, Refusal> {
         self.at_rest()?;
-        let compiled = Compiled::from_bytes(bytes).ok_or(Refusal::NotAPlan)?;
-        let hash = compiled.hash();
-        self.staged = Some(compiled);
-        Ok(Pending::Hash(hash))
+        let stored = self.staged.store(bytes);
+        if stored { Ok(Pending::Hash(self.staged.hash())) } else { Err(Refusal::NotAPlan) }
     }
 
     /// The plan set aside becomes the board's: as a whole, checked, or not at all.
     #[inline(never)]
     fn commit(&mut self, hash: u32) -> Result<Pending, Refusal> {
         self.at_rest()?;
-        let ours = self.staged.as_ref().map_or(0, Compiled::hash);
+        let ours = self.staged.hash();
         if ours != hash {
             return Err(Refusal::Hash { ours });
         }
-        if !self.staged.as_ref().is_some_and(|staged| self.sequencer.load(staged)) {
+        if !self.sequencer.load(&self.staged) {
             return Err(Refusal::NotAPlan);
         }
         check(self.sequencer.plan(), &B::LIMITS).map_err(Refusal::Plan)?;
-        self.plan = self.staged.take();
+        self.plan.clone_from(&self.staged);
         Ok(Pending::Hash(hash))
     }
 
@@ -211,12 +208,15 @@ impl<B: Board> Program<B> {
     /// Load the board's plan, if it has this hash.
     #[inline(never)]
     fn load(&mut self, hash: u32) -> Result<(), Refusal> {
-        let ours = self.plan.as_ref().map_or(0, Compiled::hash);
+        let ours = self.plan.hash();
         if ours != hash {
             return Err(Refusal::Hash { ours });
         }
-        let loaded = self.plan.as_ref().is_some_and(|memory| self.sequencer.load(memory));
-        if loaded { Ok(()) } else { Err(Refusal::Unsafe(Fault::PlanMemory)) }
+        if self.sequencer.load(&self.plan) {
+            Ok(())
+        } else {
+            Err(Refusal::Unsafe(Fault::PlanMemory))
+        }
     }
 
     #[inline(never)]

@@ -172,7 +172,7 @@ fn an_armed_board_waits_for_the_start_input() {
     desk.device.board().start_edge = Some(edge);
     desk.run(80 * MS);
     assert_eq!(desk.status().state, State::Finished);
-    assert_eq!(desk.started(), edge + 64_000, "a fixed time after the edge");
+    assert_eq!(desk.started(), edge + 100_000, "a fixed time after the edge");
 }
 
 #[test]

@@ -72,5 +72,12 @@ fn TIMER0_COMPA() {
 fn USART_RX() {
     let byte = usart().udr0.read().bits();
     // SAFETY: this is an interrupt.
-    serial::INWARD.with(unsafe { interrupt() }, |inward| inward.push(byte));
+    serial::INWARD.with(unsafe { interrupt() }, |inward| inward.push_or_count(byte));
+}
+
+/// A byte can go.
+#[avr_device::interrupt(atmega328p)]
+fn USART_UDRE() {
+    // SAFETY: this is an interrupt.
+    serial::send(unsafe { interrupt() });
 }

@@ -52,11 +52,17 @@ use uno::Uno;
 fn main() -> ! {
     reset::start_watchdog();
     memory::paint_stack();
-    let mut device = Device::new(Uno::start());
+    let mut device = start();
     registers::enable_interrupts();
     loop {
         device.pass();
     }
+}
+
+/// Apart from `main`, whose frame is there for ever, so that what is needed only now is given back.
+#[inline(never)]
+fn start() -> Device<Uno> {
+    Device::new(Uno::start())
 }
 
 /// Nothing here can panic; if something does, the outputs go low and the watchdog restarts.

@@ -1,20 +1,25 @@
-//! What main loop and interrupts share: near edges, edges made, what went wrong.
+//! What main loop and interrupts share: near edges, and what went wrong.
+//!
+//! While one of these functions runs, interrupts wait; that of the LED can wait for 150 cycles. So
+//! they are short, and call nothing.
 
 use crate::shared::Shared;
-use crate::timers::{self, CLOSE, FAR, Phases};
-use phasewalk_firmware::arming::{Arming, NearEdge, NearEdges};
+use crate::timers::{self, CLOSE, FAR, LedSetting, Phases};
+use phasewalk_firmware::arming::{Arming, NearEdge, Output, REACH};
 use phasewalk_firmware::channel::Channel;
 use phasewalk_firmware::fault::Fault;
 
-/// Edges from being near until being told.
+/// Edges from being near until they are made.
 pub struct Near {
-    laser: NearEdges,
-    camera: NearEdges,
-    led: NearEdges,
+    laser: Output,
+    camera: Output,
+    led: Output,
     /// The camera's trigger whose first exposure is awaited.
-    trigger: Option<u16>,
+    trigger: u16,
     exposed: Option<u16>,
     fault: Option<Fault>,
+    /// What Timer0 is to be set to.
+    led_setting: LedSetting,
     pub phases: Phases,
     /// Wraps of Timer1.
     pub overflows: u32,
@@ -24,35 +29,36 @@ pub struct Near {
 
 /// The one there is.
 pub static NEAR: Shared<Near> = Shared::new(Near {
-    laser: NearEdges::new(),
-    camera: NearEdges::new(),
-    led: NearEdges::new(),
-    trigger: None,
+    laser: Output::new(),
+    camera: Output::new(),
+    led: Output::new(),
+    trigger: 0,
     exposed: None,
     fault: None,
+    led_setting: LedSetting::NONE,
     phases: Phases::UNKNOWN,
     overflows: 0,
     start: None,
 });
 
 impl Near {
-    /// Take an edge less than [`FAR`]`.reach` ahead, and arm it if it is the next; false when there
-    /// is no room.
-    #[inline(never)]
-    pub fn push(&mut self, channel: Channel, edge: NearEdge) -> bool {
+    /// Take an edge less than [`FAR`]`.reach` ahead, and arm it if it is the next; false when one is
+    /// ready already.
+    #[inline(always)]
+    pub fn put(&mut self, channel: Channel, edge: NearEdge) -> bool {
         match channel {
-            Channel::Laser => self.laser.push(edge) && self.arm_laser(),
-            Channel::Camera => self.camera.push(edge) && self.arm_camera(),
-            Channel::Stimulus => self.led.push(edge) && self.wake_led(),
+            Channel::Laser => self.laser.put(edge) && self.arm_laser(),
+            Channel::Camera => self.camera.put(edge) && self.arm_camera(),
+            Channel::Stimulus => self.led.put(edge) && self.prepare_led(),
         }
     }
 
     #[inline(always)]
     fn arm_laser(&mut self) -> bool {
         match self.laser.arm(timers::counter(), FAR) {
-            Arming::Set(edge) => timers::arm_laser(edge),
+            Arming::Set(edge) if self.fault.is_none() => timers::arm_laser(edge),
             Arming::Late => self.stop(Fault::Late),
-            Arming::Nothing | Arming::Wait => {}
+            _ => {}
         }
         true
     }
@@ -60,39 +66,51 @@ impl Near {
     #[inline(always)]
     fn arm_camera(&mut self) -> bool {
         match self.camera.arm(timers::counter(), FAR) {
-            Arming::Set(edge) => {
+            Arming::Set(edge) if self.fault.is_none() => {
                 timers::arm_camera(edge);
                 if edge.high {
                     timers::forget_capture();
                 }
             }
             Arming::Late => self.stop(Fault::Late),
-            Arming::Nothing | Arming::Wait => {}
+            _ => {}
         }
         true
     }
 
-    /// Timer2 has woken us for the LED.
+    /// Unless an edge of the LED is on its way: arm the next if it is close, else have Timer2 wake us.
+    #[inline(always)]
+    fn prepare_led(&mut self) -> bool {
+        if let Some(edge) = self.led.ready()
+            && !self.led.is_armed()
+            && self.fault.is_none()
+        {
+            self.led.set();
+            self.led_setting = LedSetting::new(edge, self.phases);
+            if edge.tick.wrapping_sub(timers::counter()) >= timers::TOO_CLOSE_TO_WAKE {
+                timers::wake_led(edge.tick, self.phases);
+                return true;
+            }
+            // At most 80 cycles.
+            while let left = edge.tick.wrapping_sub(timers::counter())
+                && (CLOSE.most..timers::TOO_CLOSE_TO_WAKE).contains(&left)
+            {}
+            self.arm_led();
+        }
+        true
+    }
+
+    /// Less than 256 ticks are left until the LED's edge, and what takes longest is prepared.
     #[inline(always)]
     pub fn arm_led(&mut self) {
-        match self.led.arm(timers::counter(), CLOSE) {
-            Arming::Set(edge) => {
-                timers::arm_led(edge, self.phases);
-                self.wake_led();
-            }
-            Arming::Late => self.stop(Fault::Late),
-            // Some wraps of Timer2 too early.
-            Arming::Nothing | Arming::Wait => {}
+        let left = self.led_setting.tick.wrapping_sub(timers::counter());
+        if left < CLOSE.least || left > REACH {
+            return self.stop(Fault::Late);
         }
-    }
-
-    #[inline(always)]
-    fn wake_led(&mut self) -> bool {
-        match self.led.next() {
-            Some(edge) => timers::wake_led(edge.tick, self.phases),
-            None => timers::let_led_sleep(),
+        // Else Timer2 has woken us some of its wraps too early.
+        if left <= CLOSE.most {
+            timers::arm_led(self.led_setting);
         }
-        true
     }
 
     /// A match of the laser's output.
@@ -126,54 +144,55 @@ impl Near {
         if let Some(edge) = self.led.matched(timers::counter()) {
             timers::led_made();
             if timers::led_level() != edge.high {
-                self.stop(Fault::ReadBack);
+                return self.stop(Fault::ReadBack);
             }
+            self.prepare_led();
         }
     }
 
     /// The camera was triggered at `tick`; its first exposure may have begun since.
     #[inline(always)]
     fn await_exposure(&mut self, tick: u16) {
-        self.trigger = Some(tick);
-        match timers::captured() {
-            Some(capture) if self.exposure(capture) => {}
-            _ => {
-                timers::forget_capture();
+        self.trigger = tick;
+        // Earlier captures were forgotten when the trigger was armed; one that has come since may
+        // be from before the trigger, and another may come while we look.
+        if timers::has_captured() && !self.take_exposure() {
+            timers::forget_capture();
+            if !self.take_exposure() {
                 timers::await_capture(true);
             }
+        } else if self.exposed.is_none() {
+            timers::await_capture(true);
         }
+    }
+
+    /// Whether the last capture is from after the trigger: then it is the exposure.
+    #[inline(always)]
+    fn take_exposure(&mut self) -> bool {
+        let capture = timers::capture();
+        let after = capture.wrapping_sub(self.trigger) < REACH;
+        if after {
+            self.exposed = Some(capture);
+        }
+        after
     }
 
     /// EXPOSE rose.
     #[inline(always)]
     pub fn capture(&mut self) {
-        if self.exposure(timers::capture()) {
+        if self.take_exposure() {
             timers::await_capture(false);
         }
     }
 
-    /// Whether the capture came after the trigger.
+    /// How many edges an output has made, wrapping.
     #[inline(always)]
-    fn exposure(&mut self, capture: u16) -> bool {
-        let Some(trigger) = self.trigger else { return true };
-        let after = capture.wrapping_sub(trigger) < 0x8000;
-        if after {
-            self.exposed = Some(capture);
-            self.trigger = None;
+    pub fn made(&self, channel: Channel) -> u8 {
+        match channel {
+            Channel::Laser => self.laser.made(),
+            Channel::Camera => self.camera.made(),
+            Channel::Stimulus => self.led.made(),
         }
-        after
-    }
-
-    /// An edge that was made.
-    #[inline(never)]
-    pub fn made(&mut self) -> Option<(Channel, NearEdge)> {
-        if let Some(edge) = self.laser.collect() {
-            return Some((Channel::Laser, edge));
-        }
-        if let Some(edge) = self.camera.collect() {
-            return Some((Channel::Camera, edge));
-        }
-        self.led.collect().map(|edge| (Channel::Stimulus, edge))
     }
 
     /// The first exposure after a trigger.
@@ -183,7 +202,6 @@ impl Near {
 
     /// Whether the pins are what the edges made so far say. A pin whose edge has been made but not
     /// noted is not looked at: its interrupt does.
-    #[inline(never)]
     pub fn read_back(&self) -> bool {
         let laser = timers::laser_level() == self.laser.level();
         let camera = timers::camera_level() == self.camera.level();
@@ -198,12 +216,13 @@ impl Near {
             && (led || self.led.has_passed(now))
     }
 
-    /// All outputs low for a reason.
-    #[inline(never)]
+    /// All outputs low for a reason; nothing is armed until [`Near::all_low`] forgets it.
+    #[inline(always)]
     pub fn stop(&mut self, fault: Fault) {
         timers::all_low();
-        self.forget();
-        self.fault = self.fault.or(Some(fault));
+        if self.fault.is_none() {
+            self.fault = Some(fault);
+        }
     }
 
     /// What has gone wrong since [`Near::all_low`].
@@ -211,18 +230,14 @@ impl Near {
         self.fault
     }
 
-    /// All outputs low, faults forgotten.
+    /// All outputs low; edges and faults forgotten.
+    #[inline(never)]
     pub fn all_low(&mut self) {
         timers::all_low();
-        self.forget();
-        self.fault = None;
-    }
-
-    fn forget(&mut self) {
         timers::await_capture(false);
         self.laser.stop();
         self.camera.stop();
         self.led.stop();
-        self.trigger = None;
+        self.fault = None;
     }
 }

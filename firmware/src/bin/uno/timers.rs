@@ -8,17 +8,21 @@
 //! eighths; it only wakes the interrupt that arms Timer0, early enough.
 
 use crate::registers::{change, portb, portd, set, tc0, tc1, tc2};
-use phasewalk_firmware::arming::{NearEdge, Window};
+use phasewalk_firmware::arming::{NearEdge, REACH, Window};
 
 /// Laser and camera: 16 bits.
-pub const FAR: Window = Window { least: 160, most: 65_535 - 2_047, reach: 65_535 - 2_047 };
+pub const FAR: Window = Window { least: 160, most: REACH };
 
 /// The LED: 8 bits, so it must be written within the last 255 ticks.
-pub const CLOSE: Window = Window { least: 64, most: 245, reach: FAR.reach };
+pub const CLOSE: Window = Window { least: 40, most: 254 };
 
 /// The LED's arming is woken so many ticks before its edge: less than [`CLOSE`]`.most`, and more
 /// than `.least` by the longest time for which interrupts are disabled.
-const WAKE: u16 = 240;
+const WAKE: u16 = 252;
+
+/// Nearer than this an edge of the LED is not waited for by Timer2, whose compare value it might
+/// already have reached: two of its ticks and the time to set it more than [`WAKE`].
+pub const TOO_CLOSE_TO_WAKE: u16 = WAKE + 80;
 
 const CLK_1: u8 = 0b001;
 const CLK_8: u8 = 0b010;
@@ -42,17 +46,30 @@ pub struct Phases {
 impl Phases {
     pub const UNKNOWN: Self = Self { timer0: 0, timer2: 0 };
 
-    /// The compare value of Timer0 for an edge.
-    #[inline(always)]
-    pub fn led(self, tick: u16) -> u8 {
-        (tick as u8).wrapping_add(self.timer0)
-    }
-
     /// The compare value of Timer2 that wakes the arming of an edge, [`WAKE`] before or up to 8
     /// ticks later.
     #[inline(always)]
     pub fn wake(self, tick: u16) -> u8 {
         (tick.wrapping_sub(WAKE).wrapping_add(self.timer2).wrapping_add(7) >> 3) as u8
+    }
+}
+
+/// What Timer0 is to be set to for an edge of the LED.
+#[derive(Clone, Copy)]
+pub struct LedSetting {
+    /// The edge's tick.
+    pub tick: u16,
+    compare: u8,
+    mode: u8,
+}
+
+impl LedSetting {
+    pub const NONE: Self = Self { tick: 0, compare: 0, mode: 0 };
+
+    #[inline(always)]
+    pub fn new(edge: NearEdge, phases: Phases) -> Self {
+        let compare = (edge.tick as u8).wrapping_add(phases.timer0);
+        Self { tick: edge.tick, compare, mode: mode(edge.high) << 6 }
     }
 }
 
@@ -125,12 +142,14 @@ pub fn arm_camera(edge: NearEdge) {
     change!(tc1().tccr1a, COM_B, mode(edge.high) << 4);
 }
 
+/// And Timer2 need not wake us again until the edge is made.
 #[inline(always)]
-pub fn arm_led(edge: NearEdge, phases: Phases) {
-    set!(tc0().ocr0a, phases.led(edge.tick));
-    set!(tc0().tccr0a, mode(edge.high) << 6);
+pub fn arm_led(setting: LedSetting) {
+    set!(tc0().ocr0a, setting.compare);
+    set!(tc0().tccr0a, setting.mode);
     set!(tc0().tifr0, 1 << 1); // forget matches of the old value
     set!(tc0().timsk0, 1 << 1);
+    let_led_sleep();
 }
 
 /// The LED's edge was made: its match repeats every 256 ticks and need not be told again.
@@ -186,10 +205,10 @@ pub fn forget_capture() {
     set!(tc1().tifr1, 1 << 5);
 }
 
-/// EXPOSE: a capture since [`forget_capture`].
+/// EXPOSE: there was a capture since [`forget_capture`].
 #[inline(always)]
-pub fn captured() -> Option<u16> {
-    (tc1().tifr1.read().bits() & 1 << 5 != 0).then(capture)
+pub fn has_captured() -> bool {
+    tc1().tifr1.read().bits() & 1 << 5 != 0
 }
 
 /// EXPOSE: time of the last capture.

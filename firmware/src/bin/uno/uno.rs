@@ -8,9 +8,10 @@ use crate::serial::{self, INWARD};
 use crate::{pins, reset, timers};
 use avr_device::interrupt::free;
 use embedded_hal::digital::{InputPin, OutputPin};
-use phasewalk_firmware::arming::NearEdge;
+use heapless::Deque;
+use phasewalk_firmware::arming::{DEPTH, NearEdge};
 use phasewalk_firmware::board::{Board, Identity, Inputs, Life, Line, Offer, Outputs};
-use phasewalk_firmware::channel::Edge;
+use phasewalk_firmware::channel::{Channel, Edge};
 use phasewalk_firmware::clock;
 use phasewalk_firmware::fault::Fault;
 use phasewalk_firmware::limits::Limits;
@@ -28,7 +29,14 @@ const LOOP_CYCLES: u32 = 160;
 pub struct Uno {
     identity: Identity,
     enabled: bool,
+    /// Of each channel, the edges that were taken and not told of: low bits of the tick, level.
+    taken: [Deque<(u32, bool), TAKEN>; Channel::ALL.len()],
+    /// Of each channel, how many made edges were told, wrapping.
+    told: [u8; Channel::ALL.len()],
 }
+
+/// Edges that were taken and not told of: the near ones, and as many made since the last pass.
+const TAKEN: usize = 2 * DEPTH;
 
 impl Uno {
     /// Everything set up, interrupts still off.
@@ -47,7 +55,12 @@ impl Uno {
         set!(exint().eicra, RISING);
         set!(exint().eimsk, INT1);
         serial::start();
-        Self { identity, enabled: false }
+        Self {
+            identity,
+            enabled: false,
+            taken: [Deque::new(), Deque::new(), Deque::new()],
+            told: [0; 3],
+        }
     }
 }
 
@@ -73,11 +86,11 @@ fn now() -> u64 {
     clock::extend(overflows, counter, pending)
 }
 
-/// A tick of the last wrap, from its low bits.
+/// A tick of the last minutes, from its low bits.
 #[inline(never)]
-fn recent(tick: u16) -> u64 {
+fn recent(tick: u32) -> u64 {
     let now = now();
-    now.wrapping_sub(u64::from((now as u16).wrapping_sub(tick)))
+    now.wrapping_sub(u64::from((now as u32).wrapping_sub(tick)))
 }
 
 impl Outputs for Uno {
@@ -95,26 +108,47 @@ impl Outputs for Uno {
         if left > u64::from(limits.reach) {
             return Offer::Later;
         }
+        let Some(taken) = self.taken.get_mut(edge.channel.index()) else { return Offer::Late };
         // If it has become late by now, arming finds out.
         let near_edge = NearEdge { tick: edge.tick as u16, high: edge.high };
-        let taken = near(|near| near.push(edge.channel, near_edge));
-        if taken { Offer::Taken } else { Offer::Later }
+        if taken.is_full() || !near(|near| near.put(edge.channel, near_edge)) {
+            return Offer::Later;
+        }
+        let _ = taken.push_back((edge.tick as u32, edge.high));
+        Offer::Taken
     }
 
     #[inline(never)]
     fn made(&mut self) -> Option<Edge> {
-        let (channel, edge) = near(Near::made)?;
-        Some(Edge { channel, high: edge.high, tick: recent(edge.tick) })
+        for channel in Channel::ALL {
+            let told = self.told.get_mut(channel.index())?;
+            if *told != near(|near| near.made(channel)) {
+                *told = told.wrapping_add(1);
+                let (tick, high) = self.taken.get_mut(channel.index())?.pop_front()?;
+                return Some(Edge { channel, high, tick: recent(tick) });
+            }
+        }
+        None
     }
 
     #[inline(never)]
     fn exposed(&mut self) -> Option<u64> {
-        near(Near::exposed).map(recent)
+        let capture = near(Near::exposed)?;
+        let now = now();
+        Some(now.wrapping_sub(u64::from((now as u16).wrapping_sub(capture))))
     }
 
     #[inline(never)]
     fn all_low(&mut self) {
         near(Near::all_low);
+        for channel in Channel::ALL {
+            let index = channel.index();
+            if let (Some(taken), Some(told)) = (self.taken.get_mut(index), self.told.get_mut(index))
+            {
+                taken.clear();
+                *told = near(|near| near.made(channel));
+            }
+        }
         self.rest_enable();
     }
 
