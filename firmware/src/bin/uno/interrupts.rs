@@ -1,10 +1,11 @@
 //! The interrupts. Each is short: while one runs, the others wait.
 
 use crate::near::NEAR;
-use crate::registers::usart;
+use crate::registers::{enable_interrupts, usart};
 use crate::serial;
 use crate::shared::interrupt;
 use crate::timers;
+use avr_device::interrupt::free;
 use phasewalk_firmware::clock;
 use phasewalk_firmware::fault::Fault;
 
@@ -50,7 +51,12 @@ fn TIMER1_COMPA() {
 #[avr_device::interrupt(atmega328p)]
 fn TIMER1_COMPB() {
     // SAFETY: this is an interrupt.
-    NEAR.with(unsafe { interrupt() }, |near| near.camera_matched());
+    let triggered = NEAR.with(unsafe { interrupt() }, |near| near.camera_matched());
+    if triggered {
+        // The LED's arming cannot wait for this. The camera's next edge is far.
+        enable_interrupts();
+        free(|cs| NEAR.with(cs, |near| near.await_exposure()));
+    }
 }
 
 /// The clock has wrapped.

@@ -124,18 +124,17 @@ impl Near {
         }
     }
 
-    /// A match of the camera's output.
+    /// A match of the camera's output; whether it was a trigger.
     #[inline(always)]
-    pub fn camera_matched(&mut self) {
-        if let Some(edge) = self.camera.matched(timers::counter()) {
-            if timers::camera_level() != edge.high {
-                return self.stop(Fault::ReadBack);
-            }
-            if edge.high {
-                self.await_exposure(edge.tick);
-            }
-            self.arm_camera();
+    pub fn camera_matched(&mut self) -> bool {
+        let Some(edge) = self.camera.matched(timers::counter()) else { return false };
+        if timers::camera_level() != edge.high {
+            self.stop(Fault::ReadBack);
+            return false;
         }
+        self.trigger = edge.tick;
+        self.arm_camera();
+        edge.high
     }
 
     /// A match of the LED's output.
@@ -150,10 +149,9 @@ impl Near {
         }
     }
 
-    /// The camera was triggered at `tick`; its first exposure may have begun since.
+    /// The camera was triggered; its first exposure may have begun since.
     #[inline(always)]
-    fn await_exposure(&mut self, tick: u16) {
-        self.trigger = tick;
+    pub fn await_exposure(&mut self) {
         // Earlier captures were forgotten when the trigger was armed; one that has come since may
         // be from before the trigger, and another may come while we look.
         if timers::has_captured() && !self.take_exposure() {

@@ -62,6 +62,7 @@ pub(crate) use {change, set};
 
 /// From here on interrupts come.
 pub fn enable_interrupts() {
-    // SAFETY: called by the main loop, outside of any critical section.
+    // SAFETY: called outside of any critical section: by the main loop, and by an interrupt that is
+    // done with what it shares.
     unsafe { avr_device::interrupt::enable() }
 }
