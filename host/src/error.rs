@@ -12,7 +12,7 @@ pub enum Error {
     #[error("{0}")]
     Failed(String),
     /// Ctrl-C or SIGTERM. Exit status 130.
-    #[error("interrupted: stopped at your request, no result was written")]
+    #[error("interrupted: stopped at your request")]
     Interrupted,
 }
 

@@ -22,3 +22,4 @@ pub mod progress;
 pub mod report;
 pub mod series;
 pub mod simulate;
+pub mod trigger;

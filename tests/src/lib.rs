@@ -9,13 +9,24 @@
 //! | [`recording`] | complex series to be evaluated |
 //! | [`library`] | the host library's curves and images of a recording |
 //! | [`program`] | the `phasewalk` program, driven as a user does |
+//! | [`rehearsed_board`] | the trigger board's own program behind a pseudo-terminal |
 //! | [`npy`] | the NumPy files that go in and come out |
+//! | `board` | an emulated Arduino Uno (feature `emulated-boards`) |
+//! | `avr8js` | the same on a second simulator (feature `emulated-boards`) |
+//! | `session` | a conversation with a simulated board (feature `emulated-boards`) |
 
+#[cfg(feature = "emulated-boards")]
+pub mod avr8js;
+#[cfg(feature = "emulated-boards")]
+pub mod board;
 pub mod library;
 pub mod npy;
 pub mod oracle;
 pub mod program;
 pub mod random;
 pub mod recording;
+pub mod rehearsed_board;
+#[cfg(feature = "emulated-boards")]
+pub mod session;
 pub mod tolerance;
 pub mod wide;

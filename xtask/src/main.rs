@@ -1,5 +1,5 @@
-//! Developer commands: `cargo xtask test` runs everything there is to check, `cargo xtask peers`
-//! times the program beside NumPy.
+//! Developer commands: `cargo xtask test` runs everything there is to check, `cargo xtask firmware`
+//! builds the boards' images, `cargo xtask peers` times the program beside NumPy.
 //!
 //! No dependencies: this is compiled before anything can be tested.
 //!
@@ -8,6 +8,7 @@
 //! folders.rs   where things are
 //! command.rs   run a program, announce and time it
 //! steps.rs     `test`: what is run, in which order
+//! firmware.rs  `firmware`: the images, and the emulated board
 //! interop.rs   what NumPy and zarr-python say about our files and images
 //! peers.rs     `peers`: the full-size comparison
 //! python.rs    the virtual environment of the scripts in tests/peers
@@ -15,6 +16,7 @@
 //! ```
 
 mod command;
+mod firmware;
 mod folders;
 mod interop;
 mod packages;
@@ -31,13 +33,19 @@ const HELP: &str = "\
 Developer commands of Phasewalk.
 
 Usage: cargo xtask test
+       cargo xtask firmware
        cargo xtask peers [--width PX] [--height PX] [--frames N]
        cargo xtask help
 
-test    Everything a change must pass: formatting, lints, tests, documentation, the demo, and
-        Python reading our files and agreeing with our images. The first failure ends it.
+test    Everything a change must pass: formatting, lints, the images of the boards, tests on
+        emulated boards among them, documentation, the demo, and Python reading our files and
+        agreeing with our images. The first failure ends it.
         As root on Debian it installs the packages it lacks; elsewhere it prints the line that
-        does. Needs the network for the first run (crates and Python packages).
+        does. Needs the network for the first run (crates, Python and Node packages).
+firmware
+        Builds the trigger board's image (target/firmware/uno.elf, .hex) and the emulated board
+        (target/firmware/emulated-board, what `phasewalk trigger ... --port sim:` starts), and
+        prints flash and memory.
 peers   Times `phasewalk phase` and the same method in NumPy + SciPy on the paper's scene, one
         after the other, and compares the images. Full size takes minutes and 3 GB of memory.
           --width PX    columns [default: 640]
@@ -51,6 +59,7 @@ Exit status: 0 done, 1 failed, 2 wrong usage.
 #[derive(Debug, PartialEq, Eq)]
 enum Task {
     Test,
+    Firmware,
     Peers(peers::Size),
     Help,
 }
@@ -66,6 +75,7 @@ fn main() -> ExitCode {
     };
     let outcome = match task {
         Task::Test => steps::test(),
+        Task::Firmware => firmware::build(),
         Task::Peers(size) => peers::compare(size),
         Task::Help => {
             print!("{HELP}");
@@ -88,9 +98,12 @@ fn parse(arguments: &[String]) -> Result<Task> {
     let (command, options) = arguments.split_first().ok_or("a command is missing")?;
     match (command.as_str(), options) {
         ("test", []) => Ok(Task::Test),
+        ("firmware", []) => Ok(Task::Firmware),
         ("help", []) => Ok(Task::Help),
         ("peers", options) => peers::Size::parse(options).map(Task::Peers),
-        ("test" | "help", [surplus, ..]) => Err(format!("'{surplus}' is not understood")),
+        ("test" | "firmware" | "help", [surplus, ..]) => {
+            Err(format!("'{surplus}' is not understood"))
+        }
         (unknown, _) => Err(format!("'{unknown}' is not a command")),
     }
 }
@@ -106,6 +119,7 @@ mod tests {
     #[test]
     fn commands_are_understood() {
         assert_eq!(parsed("test"), Ok(Task::Test));
+        assert_eq!(parsed("firmware"), Ok(Task::Firmware));
         assert_eq!(parsed("help"), Ok(Task::Help));
         assert_eq!(parsed("test --help"), Ok(Task::Help));
         assert_eq!(parsed("peers"), Ok(Task::Peers(peers::Size::FULL)));

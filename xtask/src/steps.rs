@@ -1,12 +1,16 @@
 //! `cargo xtask test`: everything, in the order in which failures are cheapest to learn about.
 
-use crate::command::{cargo, run, succeeds};
-use crate::{Result, folders, interop, packages, python};
+use crate::command::{cargo, command, run, succeeds};
+use crate::packages::{self, ARDUINO, AVR_TOOLS, NODE, RUST_SOURCES, SIMAVR};
+use crate::{Result, firmware, folders, interop, python};
 use std::path::Path;
 use std::time::Instant;
 
 /// The demo's promise to someone who tries the program out, on two cores.
 const DEMO_SECONDS: f64 = 60.0;
+
+/// The emulated boards; they need libsimavr.
+const BOARDS: &str = "--features phasewalk-tests/emulated-boards";
 
 type Step = (&'static str, fn() -> Result);
 
@@ -16,8 +20,11 @@ type Step = (&'static str, fn() -> Result);
 const STEPS: &[Step] = &[
     ("tools", tools),
     ("formatting", || run(&mut cargo("fmt --all --check"))),
-    ("lints", || run(&mut cargo("clippy --workspace --all-targets -- -D warnings"))),
-    ("tests", || run(&mut cargo("test --workspace"))),
+    ("lints", || {
+        run(&mut cargo(&format!("clippy --workspace --all-targets {BOARDS} -- -D warnings")))
+    }),
+    ("firmware", firmware::build),
+    ("tests", || run(&mut cargo(&format!("test --workspace {BOARDS}")))),
     ("tests with micromath", || run(&mut cargo("test -p phasewalk-core --features micromath"))),
     ("documentation", documentation),
     ("release build", || run(&mut cargo("build --release"))),
@@ -52,7 +59,19 @@ fn tools() -> Result {
     }
     let python = packages::python()?;
     println!("   {} serves", python.display());
-    Ok(())
+    for need in [AVR_TOOLS, RUST_SOURCES, SIMAVR, ARDUINO, NODE] {
+        need.meet()?;
+    }
+    second_simulator()
+}
+
+/// The packages of the second simulator.
+fn second_simulator() -> Result {
+    let folder = folders::workspace().join("tests").join("avr8js");
+    if folder.join("node_modules").exists() {
+        return Ok(());
+    }
+    run(command("npm").args(["ci", "--no-audit", "--no-fund", "--silent"]).current_dir(folder))
 }
 
 fn documentation() -> Result {

@@ -4,6 +4,7 @@ mod demo;
 mod info;
 mod phase;
 mod simulate;
+mod trigger;
 
 use crate::error::{Error, Result};
 use crate::progress;
@@ -53,6 +54,9 @@ enum Command {
     Phase(phase::Arguments),
     /// What a file holds
     Info(info::Arguments),
+    /// The trigger board: check, preview, run and record
+    #[command(subcommand)]
+    Trigger(trigger::Command),
 }
 
 /// Parse the command line, run it, report.
@@ -101,6 +105,7 @@ fn run(arguments: &Arguments) -> Result<()> {
         Command::Simulate(scene) => simulate::run(scene, common),
         Command::Phase(arguments) => phase::run(arguments, common),
         Command::Info(arguments) => info::run(arguments, common),
+        Command::Trigger(command) => trigger::run(command, common),
     })
 }
 
