@@ -16,7 +16,7 @@ pub struct Violation {
     pub limit: u64,
 }
 
-/// The rules, in the order in which they are checked.
+/// The rules.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Rule {
     /// At least one repeat.

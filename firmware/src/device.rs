@@ -215,6 +215,8 @@ impl<B: Board> Program<B> {
     /// All outputs low, and say why.
     #[inline(never)]
     pub(crate) fn stop(&mut self, fault: Fault, now: u64) {
+        // What an interrupt has found came first, and may be why the pins are not as expected.
+        let fault = self.board.latched().unwrap_or(fault);
         // Of each output at most two edges have been made since the last pass.
         for _ in 0..2 * Channel::ALL.len() {
             self.collect();

@@ -3,6 +3,7 @@
 use crate::board::Board;
 use crate::channel::{Channel, Edge};
 use crate::fault::Fault;
+use crate::limits::Limits;
 use crate::plan::{Caps, Inputs, Interlock, Plan};
 
 /// Test pulses of the safety loop come every so many passes' worth of ticks.
@@ -85,7 +86,7 @@ impl Guard {
         }
         interlock(plan.inputs.interlock, board)?;
         hardware(board)?;
-        self.caps(&plan.caps, now)?;
+        self.caps(&plan.caps, &B::LIMITS, now)?;
         self.heartbeat(plan.caps.heartbeat, now as u32)?;
         if plan.inputs.interlock == Interlock::Pulsed {
             self.test_loop(board, now as u32)?;
@@ -93,11 +94,15 @@ impl Guard {
         Ok(())
     }
 
-    fn caps(&self, caps: &Caps, now: u64) -> Result<(), Fault> {
-        if !self.within(Channel::Laser, now, caps.laser_pulse.into(), caps.laser_total) {
+    /// What the laboratory allows, and the board.
+    fn caps(&self, caps: &Caps, limits: &Limits, now: u64) -> Result<(), Fault> {
+        let laser = caps.laser_pulse.min(limits.laser_pulse);
+        let laser_total = caps.laser_total.min(limits.laser_total);
+        if !self.within(Channel::Laser, now, laser.into(), laser_total) {
             return Err(Fault::LaserCap);
         }
-        if self.within(Channel::Stimulus, now, caps.stimulus_pulse, caps.stimulus_total) {
+        let stimulus_total = caps.stimulus_total.min(limits.stimulus_total);
+        if self.within(Channel::Stimulus, now, caps.stimulus_pulse, stimulus_total) {
             Ok(())
         } else {
             Err(Fault::StimulusCap)
@@ -167,17 +172,20 @@ impl Pulse {
         self.still = if went_on == 0 { self.still.saturating_add(1) } else { 0 };
         self.now = now;
         let interrupts = board.interrupts();
-        if interrupts != self.interrupts {
+        let interrupted = interrupts != self.interrupts;
+        if interrupted {
             self.interrupts = interrupts;
             self.interrupted = now;
-            // Only an interrupt earns the next period.
-            board.feed_watchdog();
         }
         let overdue = now.wrapping_sub(self.interrupted) > pass * INTERRUPT_PASSES;
         // Backwards is a long way forwards.
         if overdue || went_on > pass * INTERRUPT_PASSES || self.still > STILL_PASSES {
             board.rest_enable();
             return Err(Fault::Clock);
+        }
+        if interrupted {
+            // Only an interrupt earns the next period.
+            board.feed_watchdog();
         }
         if !enable {
             board.rest_enable();

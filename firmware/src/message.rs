@@ -32,7 +32,7 @@ pub struct Request<'a> {
 /// What the host wants.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Command<'a> {
-    /// Who are you?
+    /// Who are you? Not during a run.
     Hello,
     /// How are you? Also the heartbeat.
     Status,

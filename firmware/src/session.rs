@@ -60,6 +60,8 @@ impl<B: Board> Program<B> {
     #[inline(never)]
     fn serve(&mut self, command: &Command<'_>, now: u64) -> Pending {
         let outcome = match *command {
+            // Its answer takes longer than a pass may during a run.
+            Command::Hello if self.state == State::Running => Err(Refusal::State(self.state)),
             Command::Hello => Ok(Pending::Hello),
             Command::Status => Ok(Pending::Status),
             Command::Upload(bytes) => self.upload(bytes),

@@ -112,7 +112,14 @@ fn a_running_board_takes_no_plan() {
     let mut desk = Desk::new();
     desk.start(&small());
     let bytes = Compiled::new(&small()).unwrap().bytes().clone();
-    for command in [Command::Upload(&bytes), Command::Commit(0), Command::Arm(0), Command::Clear] {
+    let refused_all = [
+        Command::Hello,
+        Command::Upload(&bytes),
+        Command::Commit(0),
+        Command::Arm(0),
+        Command::Clear,
+    ];
+    for command in refused_all {
         assert_eq!(refused(&desk.ask(command)), Refusal::State(State::Running));
     }
     desk.run(80 * MS);

@@ -131,16 +131,21 @@ impl<S: Simulator> Session<S> {
     }
 
     /// The answer to a request; `None` if the board does not answer.
+    ///
+    /// # Panics
+    /// When the simulated processor has stopped.
     pub fn answer(&mut self, number: u8) -> Option<Reply> {
         let end = self.board.cycle() + PATIENCE;
         loop {
             if let Some(at) = self.replies.iter().position(|(n, _)| *n == number) {
                 return Some(self.replies.remove(at).1);
             }
-            if self.board.cycle() >= end {
+            let before = self.board.cycle();
+            if before >= end {
                 return None;
             }
             self.run_for(MS);
+            assert!(self.board.cycle() > before, "the simulated processor has stopped");
         }
     }
 

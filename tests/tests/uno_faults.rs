@@ -458,7 +458,7 @@ fn inject_pulsed(case: Case, change: impl Fn(&mut Session<Uno>) -> u64) {
     let outcomes = (0..POSITIONS).map(|position| {
         let case = case.at(position);
         let (plan, session) = pulsed();
-        // Of another sweep each: the loop is pulsed every third.
+        // Each in another sweep: the loop is pulsed about every third.
         let after = MIDDLE + position * (INTERVAL + STEP);
         let mut session = third_sweep(session, &plan, after);
         assert!(are_on(&session, &outputs()));
@@ -504,7 +504,7 @@ fn next_looked_at(session: &Session<Uno>) -> u64 {
 
 #[test]
 fn the_camera_is_not_ready() {
-    let name = "camera not ready, from 7 ms before the next sweep";
+    let name = "camera not ready, from the look before the next sweep on";
     let case = Case::fault(name, Fault::NotReady, 2 * PASS);
     inject(&steady(), case, |session| {
         session.board.drive(Pin::D4, false);
@@ -613,9 +613,45 @@ fn the_stimulus_stays_on() {
     });
 }
 
+/// A falling edge that waits to be armed becomes a rising one, by one flipped bit. The pin does what
+/// memory says, so that reading it back finds nothing; but edges alternate.
+#[test]
+fn a_falling_edge_becomes_a_rising_one_in_memory() {
+    let width = 30_000;
+    let mut plan = steady();
+    plan.laser.width = width;
+    let name = "laser's falling edge made a rise in memory";
+    let case = Case::fault(name, Fault::ReadBack, INTERRUPT);
+    // While the edges of the fourth sweep wait.
+    inject_at(&plan, case, INTERVAL - MIDDLE, &[Pin::D6], |session| {
+        let after = 3 * INTERVAL + u64::from(width);
+        make_a_rise(session, session.started() + after);
+        rise(session, Pin::D9) + INTERVAL + u64::from(width)
+    });
+}
+
+/// Make the edge a rise that waits for this tick among the variables shared with interrupts.
+fn make_a_rise(session: &mut Session<Uno>, tick: u64) {
+    let [low, high, ..] = tick.to_le_bytes();
+    let places = find(&mut session.board, &[low, high]);
+    let near = symbol(&session.board, "near4NEAR");
+    let place = places.into_iter().find(|&place| place > near).expect("the edge waits");
+    // Its level lies before or behind its tick, as the compiler likes; what else is there is set.
+    let sides = [place - 1, place + 2].into_iter();
+    let level: Vec<u16> = sides.filter(|&side| session.board.peek(side) == 0).collect();
+    let [level] = level[..] else { panic!("its level is not found at {level:?}") };
+    flip(&mut session.board, level, 1);
+}
+
+/// Address of the variable whose mangled name holds this.
+fn symbol(uno: &Uno, name: &str) -> u16 {
+    let mut symbols = uno.image().symbols().filter(|(mangled, _)| mangled.contains(name));
+    symbols.next().expect("it is in the image").1 as u16
+}
+
 // ---- time ----------------------------------------------------------------------------------
 
-/// Sweeps of 50 us every 250 us: the rehearsal refuses them, and the board, told to go ahead all the
+/// Sweeps of 50 us every 106 us: the rehearsal refuses them, and the board, told to go ahead all the
 /// same, stops rather than shift an edge.
 #[test]
 fn a_plan_too_dense() {
@@ -684,7 +720,11 @@ fn the_plan_in_memory_changes() {
     let plan = steady();
     let compiled = Compiled::new(&plan).expect("it fits");
     let bytes = compiled.bytes();
-    let case = Case::fault("plan memory changed", Fault::PlanMemory, PASS);
+    let case = Case::fault(
+        "plan memory changed, from the look before the next sweep on",
+        Fault::PlanMemory,
+        PASS,
+    );
     inject(&plan, case, |session| {
         let places = find(&mut session.board, bytes);
         assert!(!places.is_empty(), "the plan is in memory");

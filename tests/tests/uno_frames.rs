@@ -252,6 +252,11 @@ fn run_under(seed: u64, name: &str, mut next: impl FnMut(&mut Frames) -> Vec<Vec
     let (mut session, mut frames) = at_rest(seed);
     let plan = sequence();
     session.start(&plan);
+    // The line changes hands between two frames: that it has started is told, and no edge is made yet.
+    while !session.events.iter().any(|(_, event)| matches!(event, Event::Started { .. })) {
+        session.run_for(1_000);
+    }
+    assert_eq!(session.board.edges_of(Pin::D9).count(), 0);
     let end = session.board.cycle() + plan.length() + 20 * MS;
     let mut line = Line::new(session);
     let mut sent = 0;

@@ -55,7 +55,7 @@ pub(crate) const NODE: Need = Need {
     what: "Node.js 18 or newer with npm",
     packages: "nodejs npm",
     is_there: || {
-        let version = "process.exit(Number(process.versions.node.split('.')[0]) < 18)";
+        let version = "process.exit(Number(process.versions.node.split('.')[0]) < 18 ? 1 : 0)";
         succeeds(command("node").args(["-e", version])) && succeeds(command("npm").arg("--version"))
     },
 };

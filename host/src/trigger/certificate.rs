@@ -227,7 +227,7 @@ mod tests {
         let settings = ["stimulus.flicker.period=120us", "stimulus.flicker.on=60us"];
         let plan = load("paper", &settings.map(str::to_owned), &Limits::UNO).unwrap().plan;
         let message = certify(&Compiled::new(&plan).unwrap(), 1).unwrap_err().to_string();
-        assert!(message.contains("1.12") && message.contains("1000 us"), "{message}");
+        assert!(message.contains("1.12") && message.contains("1250 us"), "{message}");
     }
 
     #[test]

@@ -182,7 +182,7 @@ mod tests {
     #[test]
     fn caps_lie_between_plan_and_limits() {
         let caps = checked("paper", &[]).unwrap().plan.caps;
-        assert_eq!(caps.laser_pulse, 136_533 + 32_000);
+        assert_eq!(caps.laser_pulse, 136_533 + 2 * Limits::UNO.pass);
         let mut limits = LimitsFile::example().unwrap();
         limits.laser.pulse_ms = 8.6;
         let checked = checked_by(&limits, "paper", &[]).unwrap();

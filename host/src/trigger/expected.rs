@@ -149,9 +149,9 @@ fn deviation(name: &str, index: usize, plan: &Edge, edge: &Edge, due: u64) -> St
 /// half as long as they may be.
 #[must_use]
 pub fn untold(expected: &Expected, board: &Limits, baud: u32) -> u64 {
-    // An event's frame has up to 20 bytes of 10 bits; a pass says 4 of them; 8 events can wait.
+    // An event's frame has up to 20 bytes of 10 bits; every other pass says one; 8 events can wait.
     const FRAME_BITS: f64 = 200.0;
-    const PASSES: f64 = 5.0;
+    const PASSES: f64 = 2.0;
     const WAITING: f64 = 8.0;
     let by_line = FRAME_BITS / f64::from(baud) * f64::from(board.ticks_per_second);
     let by_passes = PASSES * f64::from(board.pass) / 2.0;

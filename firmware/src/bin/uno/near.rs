@@ -113,11 +113,14 @@ impl Near {
         }
     }
 
+    // An edge that repeats the level before it cannot be the plan's: the memory has changed.
+
     /// A match of the laser's output.
     #[inline(always)]
     pub fn laser_matched(&mut self) {
+        let before = self.laser.level();
         if let Some(edge) = self.laser.matched(timers::counter()) {
-            if timers::laser_level() != edge.high {
+            if timers::laser_level() != edge.high || edge.high == before {
                 return self.stop(Fault::ReadBack);
             }
             self.arm_laser();
@@ -127,8 +130,9 @@ impl Near {
     /// A match of the camera's output; whether it was a trigger.
     #[inline(always)]
     pub fn camera_matched(&mut self) -> bool {
+        let before = self.camera.level();
         let Some(edge) = self.camera.matched(timers::counter()) else { return false };
-        if timers::camera_level() != edge.high {
+        if timers::camera_level() != edge.high || edge.high == before {
             self.stop(Fault::ReadBack);
             return false;
         }
@@ -140,9 +144,10 @@ impl Near {
     /// A match of the LED's output.
     #[inline(always)]
     pub fn led_matched(&mut self) {
+        let before = self.led.level();
         if let Some(edge) = self.led.matched(timers::counter()) {
             timers::led_made();
-            if timers::led_level() != edge.high {
+            if timers::led_level() != edge.high || edge.high == before {
                 return self.stop(Fault::ReadBack);
             }
             self.prepare_led();

@@ -171,9 +171,14 @@ pub fn let_led_sleep() {
     set!(tc2().timsk2, 0);
 }
 
-/// Outputs disconnected from the timers: the ports, always low, take over at once.
+/// Outputs low at once: by a forced match of "clear", so that no level is left in the compare units
+/// to come back when they are connected again; then disconnected, the ports, always low, behind.
 #[inline(always)]
 pub fn all_low() {
+    set!(tc1().tccr1a, CLEAR << 6 | CLEAR << 4);
+    set!(tc1().tccr1c, 0b11 << 6);
+    set!(tc0().tccr0a, CLEAR << 6);
+    set!(tc0().tccr0b, CLK_1 | 1 << 7);
     set!(tc1().tccr1a, 0);
     set!(tc0().tccr0a, 0);
     change!(portb().portb, LASER | CAMERA, 0);
