@@ -121,7 +121,7 @@ impl<B: Board> Program<B> {
     fn collect(&mut self) {
         if let Some(edge) = self.board.made() {
             self.guard.made(edge);
-            self.sequencer.made();
+            self.sequencer.made(edge.channel);
             self.outbox.tell(Event::Made(edge));
         }
         if let Some(tick) = self.board.exposed() {

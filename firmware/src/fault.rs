@@ -14,7 +14,7 @@ pub enum Fault {
     InterlockStuck,
     /// The camera was not ready before a sweep.
     NotReady,
-    /// An edge could not be armed in time.
+    /// An edge could not be armed in time, or was armed and not made.
     Late,
     /// An output is not what it was told to be.
     ReadBack,
@@ -41,7 +41,7 @@ impl fmt::Display for Fault {
                 "the interlock's test pulse did not come through: input stuck, shorted or not wired"
             }
             Self::NotReady => "the camera was not ready before a sweep",
-            Self::Late => "an edge could not be armed in time",
+            Self::Late => "an edge could not be armed in time, or was not made",
             Self::ReadBack => "an output is not what it was told to be",
             Self::LaserCap => "the laser's trigger was on for longer than its cap",
             Self::StimulusCap => "the stimulus was on for longer than its cap",

@@ -272,7 +272,7 @@ pub fn rehearse(compiled: &Compiled, mut show: impl FnMut(Rehearsed)) -> Result<
     let mut last = [None; Channel::ALL.len()];
     loop {
         while let Some(handed) = board.collect() {
-            sequencer.made();
+            sequencer.made(handed.edge.channel);
             let last = last.get_mut(handed.edge.channel.index());
             let last = last.and_then(|last| last.replace(handed.edge.tick));
             let slack = slack(&limits, handed, last).ok_or(Fault::Late)?;

@@ -20,6 +20,9 @@ use crate::schedule::{Light, Sweep, Sweeps};
 /// enough to hand over the first edges.
 pub const START_PASSES: u32 = 5;
 
+/// An edge that was not made so many passes after it was due has been lost.
+const OVERDUE_PASSES: u32 = 2;
+
 /// Where a run is.
 #[derive(Debug, Clone)]
 pub struct Sequencer {
@@ -36,8 +39,9 @@ pub struct Sequencer {
     next_light: Option<Edge>,
     /// Sweeps whose edges have been handed over or are pending.
     begun: u32,
-    /// Edges handed over that have not been made.
-    outstanding: u16,
+    /// Of each channel, edges handed over that have not been made, and when the last of them is due.
+    outstanding: [u8; Channel::ALL.len()],
+    due: [u64; Channel::ALL.len()],
 }
 
 /// What remains to be done.
@@ -62,7 +66,8 @@ impl Default for Sequencer {
             light: Light::default(),
             next_light: None,
             begun: 0,
-            outstanding: 0,
+            outstanding: [0; 3],
+            due: [0; 3],
         }
     }
 }
@@ -86,7 +91,7 @@ impl Sequencer {
         self.light = Light::default();
         self.next_light = self.light.next(&self.plan, start);
         self.begun = 0;
-        self.outstanding = 0;
+        self.outstanding = [0; 3];
     }
 
     /// The loaded plan.
@@ -102,8 +107,18 @@ impl Sequencer {
     }
 
     /// An edge was made.
-    pub fn made(&mut self) {
-        self.outstanding = self.outstanding.saturating_sub(1);
+    pub fn made(&mut self, channel: Channel) {
+        if let Some(outstanding) = self.outstanding.get_mut(channel.index()) {
+            *outstanding = outstanding.saturating_sub(1);
+        }
+    }
+
+    /// Whether an edge should have been made long ago: the hardware has lost it.
+    #[inline(never)]
+    fn is_overdue(&self, now: u64, patience: u32) -> bool {
+        let latest = now.saturating_sub(patience.into());
+        let mut channels = self.outstanding.iter().zip(&self.due);
+        channels.any(|(&outstanding, &due)| outstanding > 0 && due < latest)
     }
 
     /// One pass: hand over what is due, `memory` being where the plan is held.
@@ -126,7 +141,10 @@ impl Sequencer {
         self.offer_light(board)?;
         let handed_over =
             self.next_sweep.is_none() && self.pending == [None; 4] && self.next_light.is_none();
-        let nothing = handed_over && self.outstanding == 0;
+        if self.is_overdue(now, OVERDUE_PASSES * B::LIMITS.pass) {
+            return Err(Fault::Late);
+        }
+        let nothing = handed_over && self.outstanding == [0; 3];
         Ok(if nothing { Remaining::Nothing } else { Remaining::Edges })
     }
 
@@ -177,8 +195,8 @@ impl Sequencer {
                 continue;
             }
             if hand_over(board, edge)? {
-                self.outstanding = self.outstanding.saturating_add(1);
                 *slot = None;
+                taken(&mut self.outstanding, &mut self.due, edge);
             } else {
                 *waits = true;
             }
@@ -194,10 +212,19 @@ impl Sequencer {
             if !hand_over(board, edge)? {
                 break;
             }
-            self.outstanding = self.outstanding.saturating_add(1);
+            taken(&mut self.outstanding, &mut self.due, edge);
             self.next_light = self.light.next(&self.plan, self.start);
         }
         Ok(())
+    }
+}
+
+/// An edge was handed over.
+fn taken(outstanding: &mut [u8; 3], due: &mut [u64; 3], edge: Edge) {
+    let index = edge.channel.index();
+    if let (Some(outstanding), Some(due)) = (outstanding.get_mut(index), due.get_mut(index)) {
+        *outstanding = outstanding.saturating_add(1);
+        *due = edge.tick;
     }
 }
 

@@ -113,6 +113,8 @@ fn no_plan_makes_the_board_keep_light_on_beyond_the_caps() {
         if channel == Channel::Laser {
             plan.stimulus = None;
         }
+        // Before the edge is overdue.
+        plan.caps.stimulus_pulse = u64::from(23 * MS);
         let mut desk = Desk::new();
         desk.start(&plan);
         while !desk.device.board().level(channel) {
@@ -133,6 +135,18 @@ fn no_plan_makes_the_board_keep_light_on_beyond_the_caps() {
         };
         let after = stopped.unwrap() - since;
         assert!(after <= cap + u64::from(PASS), "{after} ticks for a cap of {cap}");
+    }
+}
+
+#[test]
+fn an_edge_that_the_hardware_loses_is_missed() {
+    for channel in Channel::ALL {
+        let mut desk = Desk::new();
+        desk.start(&small());
+        desk.device.board().lose_edges_of = Some(channel);
+        desk.run(60 * MS);
+        assert_eq!(desk.device.state(), State::Faulted(Fault::Late), "{channel:?}");
+        assert!(desk.is_dark());
     }
 }
 
