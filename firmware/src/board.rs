@@ -58,7 +58,10 @@ pub trait Inputs {
     /// The camera says that it is ready.
     fn camera_ready(&mut self) -> bool;
 
-    /// When the start input rose; each rise is told once.
+    /// From now on the start input is watched for its first rise, or not.
+    fn await_start(&mut self, on: bool);
+
+    /// When the start input rose, once.
     fn start_edge(&mut self) -> Option<u64>;
 }
 

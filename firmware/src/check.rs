@@ -57,6 +57,8 @@ pub enum Rule {
     StimulusTotal,
     /// The images fit the camera's memory.
     CameraMemory,
+    /// The silence of the host that ends a run can be told from none: half of what 32 bits count.
+    Heartbeat,
     /// No time, and not the run as a whole, is beyond what the clock counts.
     Length,
 }
@@ -119,6 +121,7 @@ impl Rule {
             Self::StimulusPulse => "stimulus on-time without a break",
             Self::StimulusTotal => "stimulus on-time over the run",
             Self::CameraMemory => "number of camera images",
+            Self::Heartbeat => "silence of the host that ends the run",
             Self::Length => "length of the run, or a time in it,",
         }
     }
@@ -136,6 +139,8 @@ impl fmt::Display for Violation {
 /// 101 days at 16 MHz. The clock counts twice as far, and no product or sum of a plan whose times
 /// are all below overflows.
 const LONGEST: u64 = 1 << 47;
+
+const LONGEST_SILENCE: u64 = 1 << 31;
 
 /// Whether a plan keeps all rules.
 ///
@@ -229,6 +234,7 @@ impl Rules {
         self.at_most(Rule::LaserTotal, plan.laser_on(), laser_total);
         let stimulus_total = caps.stimulus_total.min(limits.stimulus_total);
         self.at_most(Rule::StimulusTotal, plan.stimulus_on(), stimulus_total);
+        self.at_most(Rule::Heartbeat, caps.heartbeat.into(), LONGEST_SILENCE);
         self.at_most(Rule::CameraMemory, plan.images(), caps.camera_images.into());
     }
 
@@ -286,6 +292,7 @@ mod tests {
             (broken(|p| p.caps.laser_total = second / 2), Rule::LaserTotal, 9_557_310, second / 2),
             (broken(|p| p.caps.stimulus_pulse = second), Rule::StimulusPulse, 230_536_533, second),
             (broken(|p| p.caps.stimulus_total = second), Rule::StimulusTotal, 230_536_533, second),
+            (broken(|p| p.caps.heartbeat = u32::MAX), Rule::Heartbeat, u32::MAX.into(), 1 << 31),
             (broken(|p| p.caps.camera_images = 35_839), Rule::CameraMemory, 35_840, 35_839),
             (broken(|p| p.interval = u64::MAX), Rule::Length, u64::MAX, LONGEST),
         ];

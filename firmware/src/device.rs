@@ -182,6 +182,7 @@ impl<B: Board> Program<B> {
     pub(crate) fn armed(&mut self, now: u64) {
         // A start edge from before does not count.
         let _ = self.board.start_edge();
+        self.board.await_start(self.sequencer.plan().inputs.start == Start::External);
         let interlock = self.sequencer.plan().inputs.interlock;
         self.board.guard_interlock(interlock != Interlock::Off);
         self.guard.begin(now);
@@ -207,6 +208,11 @@ impl<B: Board> Program<B> {
     }
 
     fn finish(&mut self, now: u64) {
+        self.board.guard_interlock(false);
+        // Nothing that an interrupt has found since the guard looked is forgotten.
+        if let Some(fault) = self.board.latched() {
+            return self.stop(fault, now);
+        }
         self.board.all_low();
         self.leave(State::Finished);
         self.outbox.tell(Event::Finished { tick: now });
@@ -215,6 +221,7 @@ impl<B: Board> Program<B> {
     /// All outputs low, and say why.
     #[inline(never)]
     pub(crate) fn stop(&mut self, fault: Fault, now: u64) {
+        self.board.guard_interlock(false);
         // What an interrupt has found came first, and may be why the pins are not as expected.
         let fault = self.board.latched().unwrap_or(fault);
         // Of each output at most two edges have been made since the last pass.
@@ -229,7 +236,7 @@ impl<B: Board> Program<B> {
     /// Nothing runs any more.
     #[inline(never)]
     fn leave(&mut self, state: State) {
-        self.board.guard_interlock(false);
+        self.board.await_start(false);
         self.state = state;
     }
 }

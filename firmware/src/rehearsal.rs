@@ -53,6 +53,7 @@ pub struct Rehearsal {
     pub inward: Deque<u8, LINE>,
     /// To the host.
     pub outward: Deque<u8, LINE>,
+    awaits_start: bool,
     queues: [Deque<Handed, DEPTH>; Channel::ALL.len()],
     levels: [bool; Channel::ALL.len()],
     made: Deque<Handed, MADE>,
@@ -85,6 +86,7 @@ impl Default for Rehearsal {
             enabled: 0,
             inward: Deque::new(),
             outward: Deque::new(),
+            awaits_start: false,
             queues: [Deque::new(), Deque::new(), Deque::new()],
             levels: [false; 3],
             made: Deque::new(),
@@ -189,12 +191,16 @@ impl Inputs for Rehearsal {
 
     fn guard_interlock(&mut self, _on: bool) {}
 
+    fn await_start(&mut self, on: bool) {
+        self.awaits_start = on;
+    }
+
     fn camera_ready(&mut self) -> bool {
         self.camera_ready
     }
 
     fn start_edge(&mut self) -> Option<u64> {
-        self.start_edge.take()
+        self.start_edge.take().filter(|_| self.awaits_start)
     }
 }
 

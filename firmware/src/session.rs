@@ -123,6 +123,7 @@ impl<B: Board> Program<B> {
     #[inline(never)]
     fn upload(&mut self, bytes: &[u8]) -> Result<Pending, Refusal> {
         self.at_rest()?;
+        self.disarm();
         let stored = self.staged.store(bytes);
         if stored { Ok(Pending::Hash(self.staged.hash())) } else { Err(Refusal::NotAPlan) }
     }
@@ -131,6 +132,7 @@ impl<B: Board> Program<B> {
     #[inline(never)]
     fn commit(&mut self, hash: u32) -> Result<Pending, Refusal> {
         self.at_rest()?;
+        self.disarm();
         let ours = self.staged.hash();
         if ours != hash {
             return Err(Refusal::Hash { ours });
@@ -204,6 +206,13 @@ impl<B: Board> Program<B> {
         match self.state {
             State::Idle | State::Finished | State::Asked => Ok(()),
             State::Armed | State::Running | State::Faulted(_) => Err(Refusal::State(self.state)),
+        }
+    }
+
+    /// A nonce that was given out is for the plan of then.
+    fn disarm(&mut self) {
+        if self.state == State::Asked {
+            self.state = State::Idle;
         }
     }
 

@@ -108,6 +108,18 @@ fn a_plan_is_committed_as_a_whole_or_not_at_all() {
 }
 
 #[test]
+fn a_nonce_is_for_the_plan_it_was_given_for() {
+    let mut desk = Desk::new();
+    let hash = desk.load(&small());
+    let Reply::Nonce(nonce) = desk.ask(Command::Arm(hash)) else { panic!("no nonce") };
+    let mut plan = small();
+    plan.bursts = 4;
+    let other = desk.load(&plan);
+    let confirmed = desk.ask(Command::Confirm { hash: other, nonce });
+    assert_eq!(refused(&confirmed), Refusal::State(State::Idle));
+}
+
+#[test]
 fn a_running_board_takes_no_plan() {
     let mut desk = Desk::new();
     desk.start(&small());

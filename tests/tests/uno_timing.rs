@@ -257,3 +257,55 @@ fn exposures_are_captured_at_their_cycle() {
         assert!(measured.abs_diff(expected) <= 1, "{measured} for {expected}, trigger {trigger}");
     }
 }
+
+/// Exposures only during a sweep, the last of them a few milliseconds before the next trigger: the
+/// LED's edges, 10 ms apart, over a wire.
+#[test]
+fn an_exposure_before_the_trigger_is_not_taken_for_the_first_after_it() {
+    use phasewalk_firmware::message::Event;
+    for delay in [6, 7, 8, 9] {
+        let mut plan = paper();
+        (plan.bursts, plan.interval) = (30, 20 * MS);
+        flicker(&mut plan, 58, 10 * MS as u32, MS);
+        if let Some(stimulus) = &mut plan.stimulus {
+            (stimulus.burst, stimulus.delay) = (0, delay * MS);
+        }
+        let mut session = switched_on();
+        session.board.release(Pin::D8);
+        session.board.connect(Pin::D6, Pin::D8);
+        session.start(&plan);
+        assert_eq!(session.finish(2 * SECOND).state, State::Finished);
+        assert_on_plan(&session, &plan);
+        let start = session.started();
+        let exposed: Vec<u64> = session
+            .events
+            .iter()
+            .filter_map(|(_, event)| match event {
+                Event::Exposed { tick } => Some(tick - start),
+                _ => None,
+            })
+            .collect();
+        assert!(exposed.len() >= 29, "{} exposures", exposed.len());
+        for (volume, tick) in exposed.iter().enumerate() {
+            // The pin changes one tick after the edge's.
+            let expected = volume as u64 * 20 * MS + delay * MS + 1;
+            assert_eq!(*tick, expected, "volume {volume}, delay {delay} ms");
+        }
+    }
+}
+
+/// Nothing is wired to D3 and it picks up 50 kHz.
+#[test]
+fn an_open_start_input_disturbs_nothing() {
+    let mut plan = paper();
+    (plan.bursts, plan.interval) = (8, 30 * MS);
+    plan.stimulus = None;
+    let mut session = switched_on();
+    let begin = session.board.cycle() + 1_000;
+    for rise in 0..25_000 {
+        session.board.drive_at(begin + rise * 320, Pin::D3, rise % 2 == 0);
+    }
+    session.start(&plan);
+    assert_eq!(session.finish(SECOND).state, State::Finished);
+    assert_on_plan(&session, &plan);
+}

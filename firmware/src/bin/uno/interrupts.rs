@@ -1,7 +1,7 @@
 //! The interrupts. Each is short: while one runs, the others wait.
 
 use crate::near::NEAR;
-use crate::registers::{enable_interrupts, usart};
+use crate::registers::{change, enable_interrupts, exint, usart};
 use crate::serial;
 use crate::shared::interrupt;
 use crate::timers;
@@ -24,6 +24,8 @@ fn INT1() {
         let now = clock::extend(near.overflows, timers::counter(), timers::overflow_pending());
         near.start = near.start.or(Some(now));
     });
+    // One rise is enough, and a bouncing or open wire would have many.
+    change!(exint().eimsk, 1 << 1, 0);
 }
 
 /// Time to arm the LED. Of the timers' interrupts this has the highest priority.

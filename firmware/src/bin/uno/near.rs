@@ -169,23 +169,23 @@ impl Near {
         }
     }
 
-    /// Whether the last capture is from after the trigger: then it is the exposure.
+    /// Whether the last capture is from after the trigger, which was a moment ago: then it is the
+    /// exposure.
     #[inline(always)]
     fn take_exposure(&mut self) -> bool {
-        let capture = timers::capture();
-        let after = capture.wrapping_sub(self.trigger) < REACH;
-        if after {
-            self.exposed = Some(capture);
+        let after = timers::capture().wrapping_sub(self.trigger);
+        let elapsed = timers::counter().wrapping_sub(self.trigger);
+        if after <= elapsed {
+            self.exposed = Some(self.trigger.wrapping_add(after));
         }
-        after
+        after <= elapsed
     }
 
-    /// EXPOSE rose.
+    /// EXPOSE rose, after the trigger: earlier captures were forgotten since.
     #[inline(always)]
     pub fn capture(&mut self) {
-        if self.take_exposure() {
-            timers::await_capture(false);
-        }
+        self.exposed = Some(timers::capture());
+        timers::await_capture(false);
     }
 
     /// How many edges an output has made, wrapping.

@@ -3,7 +3,7 @@
 use crate::memory;
 use crate::near::{NEAR, Near};
 use crate::pins::{Enable, Interlock, LoopEnd, Ready};
-use crate::registers::{exint, set};
+use crate::registers::{change, exint, set};
 use crate::serial::{self, INWARD};
 use crate::{pins, reset, timers};
 use avr_device::interrupt::free;
@@ -53,7 +53,7 @@ impl Uno {
         let phases = timers::start();
         free(|cs| NEAR.with(cs, |near| near.phases = phases));
         set!(exint().eicra, RISING);
-        set!(exint().eimsk, INT1);
+        set!(exint().eimsk, 0);
         serial::start();
         Self {
             identity,
@@ -173,22 +173,26 @@ impl Inputs for Uno {
 
     #[inline(never)]
     fn interlock_passes_pulse(&mut self) -> bool {
-        let guarded = exint().eimsk.read().bits();
-        set!(exint().eimsk, guarded & !INT0);
+        let guarded = exint().eimsk.read().bits() & INT0 != 0;
+        free(|_| change!(exint().eimsk, INT0, 0));
         let _ = LoopEnd {}.set_high();
         avr_device::asm::delay_cycles(LOOP_CYCLES);
         let passed = !self.interlock_closed();
         let _ = LoopEnd {}.set_low();
         avr_device::asm::delay_cycles(LOOP_CYCLES);
         let closed = self.interlock_closed();
-        set!(exint().eifr, INT0);
-        set!(exint().eimsk, guarded);
+        self.guard_interlock(guarded);
         passed && closed
     }
 
     fn guard_interlock(&mut self, on: bool) {
         set!(exint().eifr, INT0);
-        set!(exint().eimsk, if on { INT0 | INT1 } else { INT1 });
+        free(|_| change!(exint().eimsk, INT0, if on { INT0 } else { 0 }));
+    }
+
+    fn await_start(&mut self, on: bool) {
+        set!(exint().eifr, INT1);
+        free(|_| change!(exint().eimsk, INT1, if on { INT1 } else { 0 }));
     }
 
     fn camera_ready(&mut self) -> bool {
