@@ -104,6 +104,10 @@ impl Inputs for Bench {
         self.rehearsal.guard_interlock(on);
     }
 
+    fn await_start(&mut self, on: bool) {
+        self.rehearsal.await_start(on);
+    }
+
     fn camera_ready(&mut self) -> bool {
         self.rehearsal.camera_ready()
     }
