@@ -140,7 +140,7 @@ impl Assembly<'_> {
             laser: Pulse { delay: 0, width: 0 },
             camera: Pulse { delay: 0, width: 0 },
             stimulus: None,
-            caps: NO_CAPS,
+            caps: Plan::EMPTY.caps,
         })
     }
 
@@ -410,16 +410,6 @@ fn bursts(volumes: u64, sweeps: u64) -> std::result::Result<u16, String> {
 fn headroom(limits: &Limits) -> u64 {
     2 * u64::from(limits.pass)
 }
-
-const NO_CAPS: Caps = Caps {
-    laser_pulse: 0,
-    laser_total: 0,
-    stimulus_pulse: 0,
-    stimulus_total: 0,
-    images_per_sweep: 0,
-    camera_images: 0,
-    heartbeat: 0,
-};
 
 #[cfg(test)]
 mod tests {

@@ -7,7 +7,7 @@ use avr_device::interrupt::{CriticalSection, free};
 /// 16 MHz / (16 · 250,000) - 1.
 const DIVIDER: u16 = 3;
 
-/// Bytes from the host that wait: in the longest pass of the main loop 25 come.
+/// Bytes from the host that wait: in the longest pass of the main loop 32 come.
 const IN_BYTES: usize = 64;
 
 /// Bytes to the host that wait: what a pass of the main loop gives.
