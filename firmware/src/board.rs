@@ -4,7 +4,7 @@
 use crate::channel::Edge;
 use crate::fault::{Fault, ResetCause};
 use crate::limits::Limits;
-use crate::message::Model;
+use crate::message::{Estimate, Model};
 
 /// What became of an edge that was handed over.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,6 +33,14 @@ pub trait Outputs {
 
     /// All outputs low at once, all waiting edges forgotten.
     fn all_low(&mut self);
+
+    /// The stimulus low at once, its waiting edges forgotten. Asked only of boards that can solve.
+    fn stimulus_low(&mut self) {
+        self.all_low();
+    }
+
+    /// From now on a frame clock of this period runs while the camera's trigger is high; 0: none.
+    fn frame_clock(&mut self, _period: u32) {}
 
     /// Whether the pins are what the edges made so far say.
     fn read_back(&mut self) -> bool;
@@ -93,6 +101,29 @@ pub trait Life {
     fn stack_intact(&mut self) -> bool;
 }
 
+/// The on-line solver of boards that have one: those whose [`Limits::speckles`] is above 0.
+pub trait Solve {
+    /// Forget all volumes; from now on they have so many speckles with so many effective looks (the
+    /// bits of an `f32`). False when the solver cannot.
+    fn begin_series(&mut self, _speckles: u16, _looks: u32) -> bool {
+        false
+    }
+
+    /// Speckles of the next volume from number `first` on, 8 bytes each; false when it is not their
+    /// turn.
+    fn samples(&mut self, _first: u16, _bytes: &[u8]) -> bool {
+        false
+    }
+
+    /// A volume that was solved, once.
+    fn solved(&mut self) -> Option<Estimate> {
+        None
+    }
+
+    /// The line that says that the phase has left its bounds.
+    fn phase_line(&mut self, _high: bool) {}
+}
+
 /// What a board knows of itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Identity {
@@ -109,7 +140,7 @@ pub struct Identity {
 }
 
 /// A whole board.
-pub trait Board: Outputs + Inputs + Line + Life {
+pub trait Board: Outputs + Inputs + Line + Life + Solve {
     /// What it can do.
     const LIMITS: Limits;
 

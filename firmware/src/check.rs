@@ -57,6 +57,14 @@ pub enum Rule {
     StimulusTotal,
     /// The images fit the camera's memory.
     CameraMemory,
+    /// The frame clock is not too fast for the board.
+    FrameShort,
+    /// The frame clock is not too slow for the board, which may make none.
+    FrameLong,
+    /// With a frame clock, the camera's pulse holds the images of a sweep: it is as long.
+    FramePulse,
+    /// A phase limit needs a board that can solve.
+    PhaseLimit,
     /// The silence of the host that ends a run can be told from none: half of what 32 bits count.
     Heartbeat,
     /// No time, and not the run as a whole, is beyond what the clock counts.
@@ -77,6 +85,7 @@ impl Rule {
                 | Self::StimulusSweep
                 | Self::StimulusPulses
                 | Self::CameraMemory
+                | Self::PhaseLimit
         )
     }
 
@@ -96,6 +105,7 @@ impl Rule {
                 | Self::StimulusPulses
                 | Self::StimulusOn
                 | Self::StimulusOff
+                | Self::FrameShort
         )
     }
 
@@ -121,6 +131,11 @@ impl Rule {
             Self::StimulusPulse => "stimulus on-time without a break",
             Self::StimulusTotal => "stimulus on-time over the run",
             Self::CameraMemory => "number of camera images",
+            Self::FrameShort | Self::FrameLong => {
+                "period of the frame clock (0: the board has none)"
+            }
+            Self::FramePulse => "camera pulse less images per sweep times frame period",
+            Self::PhaseLimit => "number of phase limits (only a board with a solver keeps one)",
             Self::Heartbeat => "silence of the host that ends the run",
             Self::Length => "length of the run, or a time in it,",
         }
@@ -157,6 +172,8 @@ pub fn check(plan: &Plan, limits: &Limits) -> Result<(), Violation> {
         rules.stimulus(plan, stimulus, limits.shortest.into());
     }
     rules.caps(plan, limits);
+    #[cfg(feature = "extended")]
+    rules.extended(plan, limits);
     rules.0.map_or(Ok(()), Err)
 }
 
@@ -236,6 +253,20 @@ impl Rules {
         self.at_most(Rule::StimulusTotal, plan.stimulus_on(), stimulus_total);
         self.at_most(Rule::Heartbeat, caps.heartbeat.into(), LONGEST_SILENCE);
         self.at_most(Rule::CameraMemory, plan.images(), caps.camera_images.into());
+    }
+
+    /// What only larger boards have. Others find no plan in bytes that ask for it.
+    #[cfg(feature = "extended")]
+    fn extended(&mut self, plan: &Plan, limits: &Limits) {
+        if plan.frame > 0 {
+            self.at_most(Rule::FrameLong, plan.frame.into(), limits.frame_longest.into());
+            self.at_least(Rule::FrameShort, plan.frame.into(), limits.shortest.into());
+            let images = u64::from(plan.frame).wrapping_mul(plan.caps.images_per_sweep.into());
+            self.at_most(Rule::FramePulse, images.abs_diff(plan.camera.width.into()), 0);
+        }
+        if plan.phase_limit.is_some() {
+            self.at_most(Rule::PhaseLimit, 1, limits.speckles.min(1).into());
+        }
     }
 
     #[inline(never)]

@@ -5,8 +5,11 @@ use crate::layout;
 use crate::plan::Plan;
 use heapless::Vec;
 
-/// Bytes of a compiled plan at most.
-pub const MAX_BYTES: usize = 80;
+/// Bytes of a compiled plan at most: on a board with little memory, and on a larger one.
+pub const MAX_BYTES: usize = if cfg!(feature = "extended") { 128 } else { SMALL_BYTES };
+
+/// Bytes of a compiled plan at most on a board with little memory.
+pub(crate) const SMALL_BYTES: usize = 80;
 
 /// The bytes of a compiled plan.
 pub type Bytes = Vec<u8, MAX_BYTES>;

@@ -13,6 +13,8 @@ use crate::fault::Fault;
 use crate::frame::{Received, Receiver};
 use crate::guard::{Guard, Longest, Pulse};
 use crate::message::{Answer, Event, Request, State};
+#[cfg(feature = "extended")]
+use crate::online::Online;
 use crate::outbox::Outbox;
 use crate::plan::{Interlock, Start};
 use crate::sequencer::{Remaining, START_PASSES, Sequencer};
@@ -43,6 +45,8 @@ pub(crate) struct Program<B> {
     pulse: Pulse,
     pub(crate) garbled: u16,
     pub(crate) longest: Longest,
+    #[cfg(feature = "extended")]
+    pub(crate) online: Online,
 }
 
 impl<B: Board> Device<B> {
@@ -63,6 +67,8 @@ impl<B: Board> Device<B> {
             pulse: Pulse::default(),
             garbled: 0,
             longest: Longest::default(),
+            #[cfg(feature = "extended")]
+            online: Online::default(),
         };
         Self { receiver: Receiver::default(), listens: false, program }
     }
@@ -118,7 +124,7 @@ impl<B: Board> Program<B> {
 
     /// What the hardware has made: one edge per pass, as many as are handed over.
     #[inline(never)]
-    fn collect(&mut self) {
+    pub(crate) fn collect(&mut self) {
         if let Some(edge) = self.board.made() {
             self.guard.made(edge);
             self.sequencer.made(edge.channel);
@@ -141,6 +147,8 @@ impl<B: Board> Program<B> {
 
     #[inline(never)]
     fn advance(&mut self, now: u64) -> Result<(), Fault> {
+        #[cfg(feature = "extended")]
+        self.solved(now)?;
         if self.state == State::Running {
             if self.sequencer.pass(&mut self.board, &self.plan, now)? == Remaining::Nothing {
                 self.finish(now);
@@ -201,6 +209,9 @@ impl<B: Board> Program<B> {
         }
         let start = edge.saturating_add(u64::from(B::LIMITS.pass * START_PASSES));
         self.sequencer.begin(start);
+        self.board.frame_clock(self.sequencer.plan().frame);
+        #[cfg(feature = "extended")]
+        self.begin_online(start);
         self.state = State::Running;
         self.longest = Longest::default();
         self.outbox.tell(Event::Started { tick: start });
@@ -237,6 +248,7 @@ impl<B: Board> Program<B> {
     #[inline(never)]
     fn leave(&mut self, state: State) {
         self.board.await_start(false);
+        self.board.frame_clock(0);
         self.state = state;
     }
 }

@@ -30,6 +30,10 @@ pub enum Fault {
     Stack,
     /// The timer's interrupt or the clock has stopped.
     Clock,
+    /// The phase of the on-line solver has left its bounds.
+    Phase,
+    /// The on-line solver has had nothing to solve for too long.
+    NoPhase,
 }
 
 impl fmt::Display for Fault {
@@ -49,6 +53,8 @@ impl fmt::Display for Fault {
             Self::PlanMemory => "the plan in the board's memory has changed",
             Self::Stack => "the board's stack has overflowed",
             Self::Clock => "the board's clock or its interrupt has stopped",
+            Self::Phase => "the phase has left the bounds that the plan sets",
+            Self::NoPhase => "no volume was solved for longer than the plan allows",
         })
     }
 }

@@ -8,8 +8,8 @@ use cobs::{DecodeResult, DecoderState};
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-/// Bytes of a message with its CRC at most.
-pub const MAX_MESSAGE: usize = 88;
+/// Bytes of a message with its CRC at most: those of a plan, or of some speckles.
+pub const MAX_MESSAGE: usize = if cfg!(feature = "extended") { 144 } else { 88 };
 
 /// Bytes of a frame at most, with its zero: COBS adds one byte per 254, and one.
 pub const MAX_FRAME: usize = MAX_MESSAGE + 2;

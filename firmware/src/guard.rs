@@ -75,6 +75,11 @@ impl Guard {
         }
     }
 
+    /// An output is high, as far as its edges were collected.
+    pub fn is_high(&self, channel: Channel) -> bool {
+        self.high_since.get(channel.index()).is_some_and(Option::is_some)
+    }
+
     /// One pass.
     ///
     /// # Errors

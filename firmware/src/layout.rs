@@ -1,12 +1,12 @@
 //! Bytes of a compiled plan: its numbers in the order of [`Plan`]'s definition.
 //!
 //! A number below 128 is one byte, whatever its type; a larger one is 128 + the count of its bytes,
-//! and these, low ones first. So the paper's plan takes 63 bytes; one routine reads them all, which
+//! and these, low ones first. So the paper's plan takes 65 bytes; one routine reads them all, which
 //! matters where flash is 32 KiB; and nothing is shifted, which takes an 8-bit processor a thousand
 //! cycles for 64 bits.
 
 use crate::compiled::Bytes;
-use crate::plan::{Interlock, Plan, Pulse, Start, Stimulus};
+use crate::plan::{Action, Interlock, PhaseLimit, Plan, Pulse, Start, Stimulus};
 
 /// The first byte of a number that does not fit into it: this, plus the count of the others.
 const LONG: u8 = 0x80;
@@ -32,6 +32,7 @@ pub(crate) fn write(plan: &Plan, bytes: &mut Bytes) -> Option<()> {
         put(pulse.delay.into())?;
         put(pulse.width.into())?;
     }
+    put(plan.frame.into())?;
     put(plan.stimulus.is_some().into())?;
     if let Some(stimulus) = &plan.stimulus {
         put(stimulus.burst.into())?;
@@ -41,6 +42,16 @@ pub(crate) fn write(plan: &Plan, bytes: &mut Bytes) -> Option<()> {
         put(stimulus.pulses.into())?;
         put(stimulus.period.into())?;
         put(stimulus.sham.into())?;
+    }
+    put(match &plan.phase_limit {
+        None => 0,
+        Some(PhaseLimit { action: Action::Line, .. }) => 1,
+        Some(PhaseLimit { action: Action::Stimulus, .. }) => 2,
+        Some(PhaseLimit { action: Action::Stop, .. }) => 3,
+    })?;
+    if let Some(limit) = &plan.phase_limit {
+        put(limit.milliradians.into())?;
+        put(limit.silence.into())?;
     }
     let caps = &plan.caps;
     put(caps.laser_pulse.into())?;
@@ -77,7 +88,9 @@ pub(crate) fn read(bytes: &[u8], plan: &mut Plan) -> bool {
     plan.spacing = [n.long(), n.long()];
     n.pulse(&mut plan.laser);
     n.pulse(&mut plan.camera);
+    n.frame(plan);
     plan.stimulus = n.stimulus();
+    n.phase_limit(plan);
     plan.caps.laser_pulse = n.long();
     plan.caps.laser_total = n.next();
     plan.caps.stimulus_pulse = n.next();
@@ -178,6 +191,38 @@ impl Numbers<'_> {
         pulse.width = self.long();
     }
 
+    #[cfg(feature = "extended")]
+    fn frame(&mut self, plan: &mut Plan) {
+        plan.frame = self.long();
+    }
+
+    #[cfg(feature = "extended")]
+    fn phase_limit(&mut self, plan: &mut Plan) {
+        let action = match self.choice(4) {
+            0 => None,
+            1 => Some(Action::Line),
+            2 => Some(Action::Stimulus),
+            _ => Some(Action::Stop),
+        };
+        plan.phase_limit = action.map(|action| PhaseLimit {
+            milliradians: self.long(),
+            silence: self.long(),
+            action,
+        });
+    }
+
+    // What a board does not have is no plan for it.
+
+    #[cfg(not(feature = "extended"))]
+    fn frame(&mut self, _plan: &mut Plan) {
+        self.choice(1);
+    }
+
+    #[cfg(not(feature = "extended"))]
+    fn phase_limit(&mut self, _plan: &mut Plan) {
+        self.choice(1);
+    }
+
     fn stimulus(&mut self) -> Option<Stimulus> {
         self.flag().then(|| Stimulus {
             burst: self.short(),
@@ -212,7 +257,7 @@ mod tests {
     fn a_plan_comes_back_from_its_bytes() {
         let mut plan = paper();
         assert_eq!(read(&bytes_of(&plan)), Some(plan));
-        assert_eq!(bytes_of(&plan).len(), 63);
+        assert_eq!(bytes_of(&plan).len(), 65);
         plan.stimulus = None;
         plan.interval = u64::MAX;
         plan.inputs = Inputs { interlock: Interlock::Pulsed, ready: false, start: Start::External };

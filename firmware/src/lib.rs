@@ -17,6 +17,7 @@
 //! | its bytes and their hash | [`compiled`], `layout`, `crc` |
 //! | its edges, one after the other | [`channel`], [`schedule`] |
 //! | what travels | [`message`], [`frame`] |
+//! | the phase of the on-line solver, and its limit | `online` |
 //! | what the hardware must offer | [`board`] |
 //! | edges handed over in time | [`sequencer`] |
 //! | safety rules and reason codes | [`guard`], [`fault`] |
@@ -44,6 +45,8 @@ pub mod guard;
 mod layout;
 pub mod limits;
 pub mod message;
+#[cfg(feature = "extended")]
+mod online;
 pub mod outbox;
 pub mod plan;
 #[cfg(test)]

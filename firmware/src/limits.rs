@@ -1,6 +1,7 @@
 //! What a board can do, as it says in its hello, and what no plan may ask of it.
 
 use crate::arming::REACH;
+use crate::compiled::{MAX_BYTES, SMALL_BYTES};
 use serde::{Deserialize, Serialize};
 
 /// What a board can do and what no plan may ask of it. Times are in ticks of its clock.
@@ -24,9 +25,25 @@ pub struct Limits {
     pub laser_total: u64,
     /// The stimulus over a run.
     pub stimulus_total: u64,
+    /// The longest period of the camera's frame clock; 0: the board makes none. The shortest is
+    /// [`Self::shortest`].
+    #[serde(default)]
+    pub frame_longest: u32,
+    /// Speckles of the on-line solver at most; 0: the board has none.
+    #[serde(default)]
+    pub speckles: u16,
+    /// Largest lag of the on-line solver.
+    #[serde(default)]
+    pub lags: u8,
 }
 
 impl Limits {
+    /// Bytes of a compiled plan at most.
+    #[must_use]
+    pub const fn plan_bytes(&self) -> usize {
+        if self.speckles > 0 { MAX_BYTES } else { SMALL_BYTES }
+    }
+
     /// The Arduino Uno: ATmega328P at 16 MHz.
     pub const UNO: Self = Self {
         ticks_per_second: 16_000_000,
@@ -38,5 +55,26 @@ impl Limits {
         laser_pulse: 16_000_000,
         laser_total: 600 * 16_000_000,
         stimulus_total: 8 * 3_600 * 16_000_000,
+        frame_longest: 0,
+        speckles: 0,
+        lags: 0,
+    };
+
+    /// The STM32F405: timers at 84 MHz. A pass of its main loop comes every 100 us. Its counter has 32
+    /// bits: edges are taken late enough for the camera to be asked shortly before its sweep.
+    pub const F405: Self = Self {
+        ticks_per_second: 84_000_000,
+        shortest: 840,
+        lead: 420,
+        reach: 5 * 84_000,
+        pass: 21_000,
+        interrupt: 420,
+        laser_pulse: 84_000_000,
+        laser_total: 600 * 84_000_000,
+        stimulus_total: 8 * 3_600 * 84_000_000,
+        // A counter of 16 bits.
+        frame_longest: 65_535,
+        speckles: 64,
+        lags: 16,
     };
 }

@@ -18,6 +18,12 @@ pub const PROTOCOL: u32 = hash(include_bytes!("message.rs"))
     ^ hash(include_bytes!("fault.rs")).rotate_left(4)
     ^ hash(include_bytes!("limits.rs")).rotate_left(5);
 
+/// Speckles that a request holds.
+pub const SPECKLES_PER_REQUEST: usize = 16;
+
+/// Bytes of a speckle.
+pub const SPECKLE_BYTES: usize = 8;
+
 /// What the host says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Request<'a> {
@@ -55,6 +61,22 @@ pub enum Command<'a> {
     Abort,
     /// Forget a fault or a finished run.
     Clear,
+    #[cfg(feature = "extended")]
+    /// The on-line solver begins anew. Not while the board is armed or runs.
+    Series {
+        /// Speckles of each volume.
+        speckles: u16,
+        /// Effective looks of the speckles: the bits of an `f32`.
+        looks: u32,
+    },
+    #[cfg(feature = "extended")]
+    /// Speckles of a volume; with the last one it is solved.
+    Samples {
+        /// Number of the first of them.
+        first: u16,
+        /// Real and imaginary part of each, as `f32`, low bytes first.
+        bytes: &'a [u8],
+    },
 }
 
 /// What the board says.
@@ -116,6 +138,9 @@ pub enum Refusal {
     Plan(Violation),
     /// Something is not as it must be for a run.
     Unsafe(Fault),
+    /// The board cannot solve, not so many speckles, or not these next: a volume's come in order, and
+    /// not before the volume before it is solved.
+    Solver,
 }
 
 /// Who the board is.
@@ -219,4 +244,27 @@ pub enum Event {
         /// In ticks.
         tick: u64,
     },
+    #[cfg(feature = "extended")]
+    /// The on-line solver has solved a volume.
+    Solved(Estimate),
+    #[cfg(feature = "extended")]
+    /// The phase has left its bounds, and the plan says that the run goes on.
+    Crossed {
+        /// In ticks.
+        tick: u64,
+    },
+}
+
+/// What the on-line solver says of a volume. The bits of floating-point numbers travel, so that they
+/// can be compared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Estimate {
+    /// Number of the volume in its series, from 0.
+    pub volume: u32,
+    /// Phase against the mean of the reference volumes so far, in radians: the bits of an `f32`.
+    pub phase: u32,
+    /// Standard deviation of the phase, in radians: the bits of an `f32`.
+    pub sigma: u32,
+    /// How long the solver took, in ticks.
+    pub took: u32,
 }

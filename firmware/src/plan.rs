@@ -38,8 +38,15 @@ pub struct Plan {
     pub laser: Pulse,
     /// The camera's trigger in each sweep.
     pub camera: Pulse,
+    /// Period of the frame clock that runs while the camera's trigger is high, in ticks; 0: the camera
+    /// keeps its own clock.
+    #[serde(default)]
+    pub frame: u32,
     /// The light stimulus of each repeat.
     pub stimulus: Option<Stimulus>,
+    /// What happens when the phase of the on-line solver leaves its bounds.
+    #[serde(default)]
+    pub phase_limit: Option<PhaseLimit>,
     /// What the board must not exceed in any case.
     pub caps: Caps,
 }
@@ -112,6 +119,28 @@ pub struct Stimulus {
     pub sham: bool,
 }
 
+/// What happens when the phase of the on-line solver leaves its bounds. It only ever takes light away.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PhaseLimit {
+    /// The phase may be as far from that of the reference volumes, in either direction.
+    pub milliradians: u32,
+    /// The run ends when no phase has come for so long, in ticks; 0: it need not.
+    pub silence: u32,
+    /// What happens.
+    pub action: Action,
+}
+
+/// What happens when the phase leaves its bounds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Action {
+    /// The phase line goes high until the run ends.
+    Line,
+    /// And the stimulus ends; volumes go on.
+    Stimulus,
+    /// And the run ends.
+    Stop,
+}
+
 /// What the board must not exceed in any case: the laboratory's limits.
 ///
 /// The board compares them with the plan before it arms, and with the edges it makes while it runs.
@@ -145,7 +174,9 @@ impl Plan {
         spacing: [0; MAX_SWEEPS - 1],
         laser: Pulse { delay: 0, width: 0 },
         camera: Pulse { delay: 0, width: 0 },
+        frame: 0,
         stimulus: None,
+        phase_limit: None,
         caps: Caps {
             laser_pulse: 0,
             laser_total: 0,

@@ -18,6 +18,8 @@ pub(crate) fn paper() -> Plan {
         spacing: [0; 2],
         laser: Pulse { delay: 0, width: sweep },
         camera: Pulse { delay: 0, width: 1600 },
+        frame: 0,
+        phase_limit: None,
         stimulus: Some(Stimulus {
             burst: 5,
             sweep: 0,

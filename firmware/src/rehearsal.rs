@@ -4,13 +4,14 @@
 //! edge when every pass is as long as it may be?) and the tests of this crate.
 
 use crate::arming::DEPTH;
-use crate::board::{Board, Identity, Inputs, Life, Line, Offer, Outputs};
+use crate::board::{Board, Identity, Inputs, Life, Line, Offer, Outputs, Solve};
 use crate::channel::{Channel, Edge};
 use crate::compiled::Compiled;
 use crate::fault::{Fault, ResetCause};
 use crate::limits::Limits;
-use crate::message::Model;
+use crate::message::{Estimate, Model};
 use crate::sequencer::{Remaining, START_PASSES, Sequencer};
+use core::marker::PhantomData;
 use heapless::Deque;
 
 /// Bytes in flight in either direction.
@@ -19,12 +20,34 @@ const LINE: usize = 512;
 /// Edges made and not yet collected.
 const MADE: usize = 3 * DEPTH;
 
+/// The board that is rehearsed.
+pub trait Rehearses {
+    /// What it can do.
+    const LIMITS: Limits;
+}
+
+/// The Arduino Uno.
+#[derive(Debug, Clone, Copy)]
+pub struct AsUno;
+
+/// The STM32F405.
+#[derive(Debug, Clone, Copy)]
+pub struct AsF405;
+
+impl Rehearses for AsUno {
+    const LIMITS: Limits = Limits::UNO;
+}
+
+impl Rehearses for AsF405 {
+    const LIMITS: Limits = Limits::F405;
+}
+
 /// A board whose clock is a number.
 ///
 /// Its outputs are perfect: edges are made at their tick. What a person or a fault would change is
 /// public.
 #[derive(Debug)]
-pub struct Rehearsal {
+pub struct Rehearsal<M = AsUno> {
     /// The clock.
     pub now: u64,
     /// The safety loop is closed.
@@ -49,6 +72,12 @@ pub struct Rehearsal {
     pub fed: u32,
     /// How often the dynamic enable changed.
     pub enabled: u32,
+    /// What the on-line solver will say; it is taken from here, whatever the speckles are.
+    pub estimate: Option<Estimate>,
+    /// The phase line is high.
+    pub phase_line: bool,
+    /// Period of the frame clock.
+    pub frame: u32,
     /// From the host.
     pub inward: Deque<u8, LINE>,
     /// To the host.
@@ -58,6 +87,7 @@ pub struct Rehearsal {
     levels: [bool; Channel::ALL.len()],
     made: Deque<Handed, MADE>,
     interrupts: u16,
+    rehearses: PhantomData<M>,
 }
 
 /// An edge and when it was handed over.
@@ -69,7 +99,7 @@ pub struct Handed {
     pub at: u64,
 }
 
-impl Default for Rehearsal {
+impl<M> Default for Rehearsal<M> {
     fn default() -> Self {
         Self {
             now: 0,
@@ -84,6 +114,9 @@ impl Default for Rehearsal {
             latched: None,
             fed: 0,
             enabled: 0,
+            estimate: None,
+            phase_line: false,
+            frame: 0,
             inward: Deque::new(),
             outward: Deque::new(),
             awaits_start: false,
@@ -91,11 +124,12 @@ impl Default for Rehearsal {
             levels: [false; 3],
             made: Deque::new(),
             interrupts: 0,
+            rehearses: PhantomData,
         }
     }
 }
 
-impl Rehearsal {
+impl<M> Rehearsal<M> {
     /// The clock goes on; edges that fall due are made.
     pub fn advance(&mut self, ticks: u32) {
         self.now += u64::from(ticks);
@@ -128,7 +162,7 @@ impl Rehearsal {
     }
 }
 
-impl Outputs for Rehearsal {
+impl<M: Rehearses> Outputs for Rehearsal<M> {
     fn now(&mut self) -> u64 {
         self.now
     }
@@ -167,6 +201,20 @@ impl Outputs for Rehearsal {
         self.latched = None;
     }
 
+    fn stimulus_low(&mut self) {
+        let stimulus = Channel::Stimulus.index();
+        if let (Some(queue), Some(level)) =
+            (self.queues.get_mut(stimulus), self.levels.get_mut(stimulus))
+        {
+            queue.clear();
+            *level = false;
+        }
+    }
+
+    fn frame_clock(&mut self, period: u32) {
+        self.frame = period;
+    }
+
     fn read_back(&mut self) -> bool {
         self.stuck.is_none_or(|(channel, level)| self.level(channel) == level)
     }
@@ -180,7 +228,7 @@ impl Outputs for Rehearsal {
     }
 }
 
-impl Inputs for Rehearsal {
+impl<M> Inputs for Rehearsal<M> {
     fn interlock_closed(&mut self) -> bool {
         self.interlock_closed
     }
@@ -204,7 +252,7 @@ impl Inputs for Rehearsal {
     }
 }
 
-impl Line for Rehearsal {
+impl<M> Line for Rehearsal<M> {
     fn read(&mut self) -> Option<u8> {
         self.inward.pop_front()
     }
@@ -218,7 +266,7 @@ impl Line for Rehearsal {
     }
 }
 
-impl Life for Rehearsal {
+impl<M> Life for Rehearsal<M> {
     fn feed_watchdog(&mut self) {
         self.fed += 1;
     }
@@ -234,8 +282,26 @@ impl Life for Rehearsal {
     }
 }
 
-impl Board for Rehearsal {
-    const LIMITS: Limits = Limits::UNO;
+impl<M> Solve for Rehearsal<M> {
+    fn begin_series(&mut self, _speckles: u16, _looks: u32) -> bool {
+        true
+    }
+
+    fn samples(&mut self, _first: u16, _bytes: &[u8]) -> bool {
+        true
+    }
+
+    fn solved(&mut self) -> Option<Estimate> {
+        self.estimate.take()
+    }
+
+    fn phase_line(&mut self, high: bool) {
+        self.phase_line = high;
+    }
+}
+
+impl<M: Rehearses> Board for Rehearsal<M> {
+    const LIMITS: Limits = M::LIMITS;
 
     fn identity(&mut self) -> Identity {
         Identity {
@@ -257,8 +323,8 @@ pub struct Rehearsed {
     pub slack: u64,
 }
 
-/// Run a compiled plan through the sequencer with every pass as long as [`Limits::pass`] allows, and
-/// show each edge: of each channel in the order of time.
+/// Run a compiled plan through the sequencer, with every pass as long as [`Limits::pass`] of the board
+/// allows (see [`rehearsed`]), and show each edge: of each channel in the order of time.
 ///
 /// The slack of an edge is what remains at its hand-over, less a whole pass (for the grid of the
 /// passes can lie anywhere against the plan), or for edges that follow each other closely, what
@@ -266,10 +332,31 @@ pub struct Rehearsed {
 ///
 /// # Errors
 /// The fault that would end the run: [`Fault::Late`] if the plan is too dense for the board.
-pub fn rehearse(compiled: &Compiled, mut show: impl FnMut(Rehearsed)) -> Result<(), Fault> {
-    let limits = Rehearsal::LIMITS;
+pub fn rehearse(
+    limits: &Limits,
+    compiled: &Compiled,
+    show: impl FnMut(Rehearsed),
+) -> Result<(), Fault> {
+    if rehearsed(limits) == Limits::F405 {
+        rehearse_as::<AsF405>(compiled, show)
+    } else {
+        rehearse_as::<AsUno>(compiled, show)
+    }
+}
+
+/// The limits that [`rehearse`] keeps for a board with these: its own if it is known, the Uno's if not.
+#[must_use]
+pub fn rehearsed(limits: &Limits) -> Limits {
+    if *limits == Limits::F405 { Limits::F405 } else { Limits::UNO }
+}
+
+fn rehearse_as<M: Rehearses>(
+    compiled: &Compiled,
+    mut show: impl FnMut(Rehearsed),
+) -> Result<(), Fault> {
+    let limits = M::LIMITS;
     let start = u64::from(limits.pass * START_PASSES);
-    let mut board = Rehearsal::default();
+    let mut board = Rehearsal::<M>::default();
     let mut sequencer = Sequencer::default();
     if !sequencer.load(compiled) {
         return Err(Fault::PlanMemory);

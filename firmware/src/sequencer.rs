@@ -113,6 +113,14 @@ impl Sequencer {
         }
     }
 
+    /// No more light from here on, and what the hardware has of it is forgotten.
+    pub fn end_light(&mut self) {
+        self.next_light = None;
+        if let Some(outstanding) = self.outstanding.get_mut(Channel::Stimulus.index()) {
+            *outstanding = 0;
+        }
+    }
+
     /// Whether an edge should have been made long ago: the hardware has lost it.
     #[inline(never)]
     fn is_overdue(&self, now: u64, patience: u32) -> bool {

@@ -74,6 +74,10 @@ impl<B: Board> Program<B> {
                 Ok(Pending::Done)
             }
             Command::Clear => self.clear(),
+            #[cfg(feature = "extended")]
+            Command::Series { speckles, looks } => self.series(speckles, looks),
+            #[cfg(feature = "extended")]
+            Command::Samples { first, bytes } => self.samples(first, bytes),
         };
         outcome.unwrap_or_else(Pending::Refused)
     }
@@ -202,7 +206,7 @@ impl<B: Board> Program<B> {
     }
 
     /// Plans change only while nothing runs and no fault waits to be seen.
-    fn at_rest(&self) -> Result<(), Refusal> {
+    pub(crate) fn at_rest(&self) -> Result<(), Refusal> {
         match self.state {
             State::Idle | State::Finished | State::Asked => Ok(()),
             State::Armed | State::Running | State::Faulted(_) => Err(Refusal::State(self.state)),

@@ -6,6 +6,7 @@ use desk::{Desk, MS, PASS, small};
 use phasewalk_firmware::channel::Channel;
 use phasewalk_firmware::compiled::Compiled;
 use phasewalk_firmware::fault::Fault;
+use phasewalk_firmware::limits::Limits;
 use phasewalk_firmware::message::{Command, Event, Reply, State};
 use phasewalk_firmware::plan::{Interlock, Plan};
 use phasewalk_firmware::rehearsal::Rehearsal;
@@ -198,7 +199,7 @@ fn a_plan_too_dense_is_late_and_never_shifted() {
     (plan.laser.width, plan.camera.width, plan.camera.delay) = (800, 800, 0);
     plan.caps.camera_images = 200_000;
     let compiled = Compiled::new(&plan).unwrap();
-    let rehearsed = phasewalk_firmware::rehearsal::rehearse(&compiled, |_| {});
+    let rehearsed = phasewalk_firmware::rehearsal::rehearse(&Limits::UNO, &compiled, |_| {});
     assert_eq!(rehearsed, Err(Fault::Late));
     let mut desk = Desk::new();
     desk.start(&plan);

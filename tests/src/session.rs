@@ -321,7 +321,8 @@ pub fn pin_of(channel: Channel) -> Pin {
 pub fn planned(plan: &Plan) -> Vec<Edge> {
     let mut edges = Vec::new();
     let compiled = Compiled::new(plan).expect("the plan fits");
-    rehearse(&compiled, |rehearsed| edges.push(rehearsed.edge)).expect("the plan can be made");
+    rehearse(&Limits::UNO, &compiled, |rehearsed| edges.push(rehearsed.edge))
+        .expect("the plan can be made");
     edges.sort_by_key(|edge| (edge.channel, edge.tick));
     edges
 }
@@ -365,6 +366,8 @@ pub fn paper() -> Plan {
         spacing: [0; 2],
         laser: Pulse { delay: 0, width: sweep },
         camera: Pulse { delay: 0, width: 1_600 },
+        frame: 0,
+        phase_limit: None,
         stimulus: Some(Stimulus {
             burst: 5,
             sweep: 0,

@@ -659,7 +659,10 @@ fn a_plan_too_dense() {
     (plan.bursts, plan.interval) = (2_000, 1_700);
     (plan.laser.width, plan.camera.width) = (800, 800);
     plan.caps.camera_images = 2_000 * 512;
-    assert_eq!(rehearse(&Compiled::new(&plan).expect("it fits"), |_| {}), Err(Fault::Late));
+    assert_eq!(
+        rehearse(&Limits::UNO, &Compiled::new(&plan).expect("it fits"), |_| {}),
+        Err(Fault::Late)
+    );
     // From the edge on that could not be made.
     let case = Case::fault("plan too dense", Fault::Late, PASS);
     let outcomes = (0..POSITIONS).map(|position| {

@@ -3,14 +3,13 @@
 // Each test file uses a part of this.
 #![allow(dead_code)]
 
-use phasewalk_firmware::board::Board;
 use phasewalk_firmware::channel::{Channel, Edge};
 use phasewalk_firmware::compiled::Compiled;
 use phasewalk_firmware::device::Device;
 use phasewalk_firmware::frame::{self, Received, Receiver};
 use phasewalk_firmware::message::{Answer, Command, Event, Reply, Request, State, Status};
 use phasewalk_firmware::plan::{Caps, Inputs, Interlock, Plan, Pulse, Start, Stimulus};
-use phasewalk_firmware::rehearsal::Rehearsal;
+use phasewalk_firmware::rehearsal::{AsF405, AsUno, Rehearsal, Rehearses};
 
 /// Ticks of a millisecond.
 pub const MS: u32 = 16_000;
@@ -19,8 +18,8 @@ pub const MS: u32 = 16_000;
 pub const PASS: u32 = 2_000;
 
 /// Board and host.
-pub struct Desk {
-    pub device: Device<Rehearsal>,
+pub struct Desk<M = AsUno> {
+    pub device: Device<Rehearsal<M>>,
     pub number: u8,
     receiver: Receiver,
     pub replies: Vec<(u8, Reply)>,
@@ -28,7 +27,21 @@ pub struct Desk {
 }
 
 impl Desk {
+    /// With an Uno.
     pub fn new() -> Self {
+        Self::default()
+    }
+}
+
+impl Desk<AsF405> {
+    /// With an STM32F405, whose solver says what the test tells it to.
+    pub fn with_solver() -> Self {
+        Self::default()
+    }
+}
+
+impl<M: Rehearses> Default for Desk<M> {
+    fn default() -> Self {
         Self {
             device: Device::new(Rehearsal::default()),
             number: 0,
@@ -37,7 +50,9 @@ impl Desk {
             events: Vec::new(),
         }
     }
+}
 
+impl<M: Rehearses> Desk<M> {
     /// Run the board's main loop for so long.
     pub fn run(&mut self, ticks: u32) {
         let end = self.device.board().now + u64::from(ticks);
@@ -163,7 +178,7 @@ impl Desk {
             Channel::ALL.iter().all(|&channel| !desk.device.board().level(channel))
         };
         let now = dark(self);
-        self.run(2 * Rehearsal::LIMITS.reach);
+        self.run(2 * M::LIMITS.reach);
         now && dark(self)
     }
 }
@@ -180,6 +195,8 @@ pub fn small() -> Plan {
         spacing: [0; 2],
         laser: Pulse { delay: 0, width: 2 * MS },
         camera: Pulse { delay: 100, width: 1_600 },
+        frame: 0,
+        phase_limit: None,
         stimulus: Some(Stimulus {
             burst: 2,
             sweep: 0,

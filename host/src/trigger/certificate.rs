@@ -3,12 +3,11 @@
 
 use super::units::{microseconds, rounded, seconds};
 use crate::error::{Error, Result};
-use phasewalk_firmware::board::Board;
 use phasewalk_firmware::channel::{Channel, Edge};
 use phasewalk_firmware::compiled::Compiled;
 use phasewalk_firmware::fault::Fault;
 use phasewalk_firmware::limits::Limits;
-use phasewalk_firmware::rehearsal::{Rehearsal, Rehearsed, rehearse};
+use phasewalk_firmware::rehearsal::{Rehearsed, rehearse, rehearsed};
 use std::collections::VecDeque;
 
 /// What a rehearsal of every edge has shown. Times are in ticks.
@@ -66,21 +65,21 @@ impl Rehearsals {
     }
 }
 
-/// Rehearse a compiled plan; `window` (ticks) is what the laser's duty is taken over.
+/// Rehearse a compiled plan as on `board`; `window` (ticks) is what the laser's duty is taken over.
 ///
 /// # Errors
 /// When an edge would be late in the worst case, or the bytes do not make the plan's edges.
-pub fn certify(compiled: &Compiled, window: u64) -> Result<Certificate> {
+pub fn certify(compiled: &Compiled, window: u64, board: &Limits) -> Result<Certificate> {
     let mut channels = [Rehearsals::default(); Channel::ALL.len()];
     let mut duty = Window { length: window, ..Window::default() };
-    let outcome = rehearse(compiled, |rehearsed| {
+    let outcome = rehearse(board, compiled, |rehearsed| {
         channels[rehearsed.edge.channel.index()].take(rehearsed);
         if rehearsed.edge.channel == Channel::Laser {
             duty.take(rehearsed.edge);
         }
     });
     let certificate =
-        Certificate { channels, laser_in_window: duty.most, assumed: Rehearsal::LIMITS };
+        Certificate { channels, laser_in_window: duty.most, assumed: rehearsed(board) };
     outcome.map_err(|fault| certificate.refusal(fault))?;
     certificate.agrees(compiled)?;
     Ok(certificate)
@@ -185,7 +184,7 @@ mod tests {
     fn certificate(plan: &str, settings: &[&str]) -> Certificate {
         let settings: Vec<String> = settings.iter().map(|&text| text.to_owned()).collect();
         let plan = load(plan, &settings, &Limits::UNO).unwrap().plan;
-        certify(&Compiled::new(&plan).unwrap(), 16_000_000).unwrap()
+        certify(&Compiled::new(&plan).unwrap(), 16_000_000, &Limits::UNO).unwrap()
     }
 
     #[test]
@@ -206,8 +205,8 @@ mod tests {
         let plan = load("triples", &[], &Limits::UNO).unwrap().plan;
         let compiled = Compiled::new(&plan).unwrap();
         let mut slacks = Vec::new();
-        rehearse(&compiled, |edge| slacks.push(edge.slack)).unwrap();
-        let certificate = certify(&compiled, 1).unwrap();
+        rehearse(&Limits::UNO, &compiled, |edge| slacks.push(edge.slack)).unwrap();
+        let certificate = certify(&compiled, 1, &Limits::UNO).unwrap();
         let least = certificate.channels.iter().filter_map(|c| c.least).map(|least| least.slack);
         assert_eq!(least.min(), slacks.iter().copied().min());
         assert_eq!(certificate.edges(), slacks.len() as u64);
@@ -226,7 +225,8 @@ mod tests {
     fn a_plan_that_is_too_dense_is_refused_with_figures() {
         let settings = ["stimulus.flicker.period=120us", "stimulus.flicker.on=60us"];
         let plan = load("paper", &settings.map(str::to_owned), &Limits::UNO).unwrap().plan;
-        let message = certify(&Compiled::new(&plan).unwrap(), 1).unwrap_err().to_string();
+        let message =
+            certify(&Compiled::new(&plan).unwrap(), 1, &Limits::UNO).unwrap_err().to_string();
         assert!(message.contains("1.12") && message.contains("1250 us"), "{message}");
     }
 

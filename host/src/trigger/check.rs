@@ -57,7 +57,7 @@ pub fn check_plan(
     let per_second = f64::from(board.ticks_per_second);
     let window = (limits.laser.duty_window_s * per_second).round().max(1.0);
     let certificate =
-        certify(&compiled, window as u64).map_err(|error| about(error.to_string()))?;
+        certify(&compiled, window as u64, board).map_err(|error| about(error.to_string()))?;
     let budget = Budget::new(&used(&plan, &certificate, window, board), limits, before);
     if let Some(row) = budget.exceeded() {
         return Err(about(above(row, limits)));

@@ -191,6 +191,8 @@ mod tests {
             spacing: [400_000, 0],
             laser: Pulse { delay: 1_600, width: 16_000 },
             camera: Pulse { delay: 0, width: 1_600 },
+            frame: 0,
+            phase_limit: None,
             stimulus: Some(Stimulus {
                 burst: 0,
                 sweep: 1,
@@ -216,7 +218,8 @@ mod tests {
     fn they_are_the_edges_of_a_rehearsal() {
         let compiled = Compiled::new(&plan()).unwrap();
         let mut edges: [Vec<Edge>; 3] = Default::default();
-        rehearse(&compiled, |made| edges[made.edge.channel.index()].push(made.edge)).unwrap();
+        rehearse(&Limits::UNO, &compiled, |made| edges[made.edge.channel.index()].push(made.edge))
+            .unwrap();
         assert_eq!(Expected::of(&plan()).edges, edges);
     }
 

@@ -96,6 +96,24 @@ pub enum Record {
         /// In ticks.
         tick: u64,
     },
+    /// The board's on-line solver has solved a volume.
+    Phase {
+        /// Number of the volume in its series.
+        volume: u32,
+        /// Its phase, in radians.
+        phase_rad: f32,
+        /// Standard deviation of the phase, in radians.
+        sigma_rad: f32,
+        /// How long the solver took, in ticks.
+        took: u32,
+        /// When the host read it, in seconds after the log began.
+        host_s: f64,
+    },
+    /// The phase has left its bounds, and the run goes on.
+    Crossed {
+        /// In ticks.
+        tick: u64,
+    },
     /// All edges were made.
     Finished {
         /// In ticks.
@@ -286,6 +304,7 @@ impl RunLog {
             Record::Clock(sample) => self.clock.push(*sample),
             Record::Lost { events, .. } => self.lost = self.lost.saturating_add(*events),
             Record::Note { text, .. } => self.notes.push(text.clone()),
+            Record::Phase { .. } | Record::Crossed { .. } => {}
             Record::Fault { fault, tick, .. } => self.fault = Some((*fault, *tick)),
             Record::Finished { tick } => self.finished = Some(*tick),
             Record::Summary(summary) => self.summary = Some((**summary).clone()),

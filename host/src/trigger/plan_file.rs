@@ -139,7 +139,9 @@ impl Assembly<'_> {
             spacing: self.spacing(sweeps as usize)?,
             laser: Pulse { delay: 0, width: 0 },
             camera: Pulse { delay: 0, width: 0 },
+            frame: 0,
             stimulus: None,
+            phase_limit: None,
             caps: Plan::EMPTY.caps,
         })
     }

@@ -36,6 +36,8 @@ pub fn plan(sweeps: u16, ticks_per_second: u32) -> Plan {
         spacing: [0; 2],
         laser,
         camera: Pulse { delay: 0, width: 300 * microsecond },
+        frame: 0,
+        phase_limit: None,
         stimulus: None,
         caps: Caps {
             laser_pulse: 2 * laser.width,
@@ -121,7 +123,7 @@ mod tests {
         for sweeps in [1, 200, 1000] {
             let plan = plan(sweeps, Limits::UNO.ticks_per_second);
             assert_eq!(check(&plan, &Limits::UNO), Ok(()));
-            assert_eq!(rehearse(&Compiled::new(&plan).unwrap(), |_| ()), Ok(()));
+            assert_eq!(rehearse(&Limits::UNO, &Compiled::new(&plan).unwrap(), |_| ()), Ok(()));
         }
     }
 

@@ -22,6 +22,10 @@ pub fn refusal(refusal: &Refusal) -> String {
         Refusal::NotAPlan => "the bytes that arrived are no plan".to_owned(),
         Refusal::Plan(violation) => violation.to_string(),
         Refusal::Unsafe(fault) => advice(*fault),
+        Refusal::Solver => {
+            "its solver does not take these speckles: too many, or not those that come next"
+                .to_owned()
+        }
     }
 }
 
@@ -56,7 +60,10 @@ pub fn advice(fault: Fault) -> String {
         Fault::Stack | Fault::Clock | Fault::PlanMemory | Fault::Late => {
             "write the firmware anew with `phasewalk trigger flash` and report it if it comes again"
         }
-        Fault::Abort | Fault::LaserCap | Fault::StimulusCap => return fault.to_string(),
+        Fault::NoPhase => "stream the volumes while the run goes on, as `--solve` does",
+        Fault::Phase | Fault::Abort | Fault::LaserCap | Fault::StimulusCap => {
+            return fault.to_string();
+        }
     };
     format!("{fault} ({what})")
 }

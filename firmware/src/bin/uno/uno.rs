@@ -10,7 +10,7 @@ use avr_device::interrupt::free;
 use embedded_hal::digital::{InputPin, OutputPin};
 use heapless::Deque;
 use phasewalk_firmware::arming::{DEPTH, NearEdge};
-use phasewalk_firmware::board::{Board, Identity, Inputs, Life, Line, Offer, Outputs};
+use phasewalk_firmware::board::{Board, Identity, Inputs, Life, Line, Offer, Outputs, Solve};
 use phasewalk_firmware::channel::{Channel, Edge};
 use phasewalk_firmware::clock;
 use phasewalk_firmware::fault::Fault;
@@ -237,6 +237,8 @@ impl Life for Uno {
         memory::stack_intact()
     }
 }
+
+impl Solve for Uno {}
 
 impl Board for Uno {
     const LIMITS: Limits = Limits::UNO;

@@ -33,7 +33,7 @@ impl Trace {
         let mut edges = Vec::new();
         let mut pulses = [const { Vec::new() }; Channel::ALL.len()];
         let mut rise = [0; Channel::ALL.len()];
-        rehearse(&checked.compiled, |rehearsed| {
+        rehearse(board, &checked.compiled, |rehearsed| {
             let edge = rehearsed.edge;
             let channel = edge.channel.index();
             edges.push(edge);

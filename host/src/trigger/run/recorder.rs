@@ -63,6 +63,14 @@ impl Recorder {
             Event::Exposed { tick } => {
                 Record::Exposed { tick, volume: self.expected.exposed_volume(tick, start) }
             }
+            Event::Solved(estimate) => Record::Phase {
+                volume: estimate.volume,
+                phase_rad: f32::from_bits(estimate.phase),
+                sigma_rad: f32::from_bits(estimate.sigma),
+                took: estimate.took,
+                host_s,
+            },
+            Event::Crossed { tick } => Record::Crossed { tick },
             Event::Finished { tick } => Record::Finished { tick },
             Event::Stopped { fault, tick } => {
                 Record::Fault { fault, words: fault.to_string(), tick }

@@ -56,7 +56,7 @@ impl Ready {
         check(&plan, board).map_err(|violation| refuse(broken(&violation, limits, board)))?;
         let compiled = Compiled::new(&plan);
         let compiled = compiled.ok_or_else(|| refuse("too large for the board".to_owned()))?;
-        let Err(error) = certify(&compiled, 1) else { return Ok(None) };
+        let Err(error) = certify(&compiled, 1, board) else { return Ok(None) };
         let warning = format!("forced: no timing certificate ({error}), exposure not budgeted");
         let mut warnings = loaded.warnings.clone();
         warnings.push(warning.clone());
