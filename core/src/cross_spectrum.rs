@@ -2,7 +2,7 @@
 
 use crate::ensemble::{Ensemble, PairMean};
 use crate::scalar::{Scalar, is_number};
-use heapless::Deque;
+use heapless::{Deque, Vec};
 use num_complex::Complex;
 
 /// C(t,dt) = U(t) * conj U(t+dt) (paper line 720), so arg C = phi(t) - phi(t+dt).
@@ -20,19 +20,39 @@ pub(crate) fn times_conjugate<T: Scalar>(a: Complex<T>, b: Complex<T>) -> Comple
     Complex { re: a.re.mul_add(b.re, a.im * b.im), im: a.im.mul_add(b.re, -(a.re * b.im)) }
 }
 
-/// The last `LAGS` frames of `PIXELS` pixels, and with each new frame the cross-spectra that end
+/// The last `LAGS` frames of up to `PIXELS` pixels, and with each new frame the cross-spectra that end
 /// at it, averaged over the pixels.
 #[derive(Clone, Debug)]
 pub struct CrossSpectrumStream<T, const PIXELS: usize, const LAGS: usize> {
     /// Newest first.
-    past: Deque<Past<T, PIXELS>, LAGS>,
+    past: Deque<Frame<T, PIXELS>, LAGS>,
 }
 
 #[derive(Clone, Debug)]
-struct Past<T, const PIXELS: usize> {
-    field: [Complex<T>; PIXELS],
+struct Frame<T, const PIXELS: usize> {
+    field: Vec<Complex<T>, PIXELS>,
     /// ⟨|U|²⟩ over the pixels.
     power: T,
+}
+
+impl<T: Scalar, const PIXELS: usize> Frame<T, PIXELS> {
+    fn new(pixels: &[Complex<T>]) -> Self {
+        let mut field = Vec::new();
+        for &pixel in pixels.iter().take(PIXELS) {
+            // Cannot fail: there are not more.
+            let _ = field.push(dark_if_not_finite(pixel));
+        }
+        let power = mean_power(&field);
+        Self { field, power }
+    }
+
+    /// ⟨|U|²⟩ over the first `pixels` pixels.
+    fn power_of(&self, pixels: usize) -> T {
+        if pixels >= self.field.len() {
+            return self.power;
+        }
+        mean_power(self.field.get(..pixels).unwrap_or(&[]))
+    }
 }
 
 impl<T: Scalar, const PIXELS: usize, const LAGS: usize> CrossSpectrumStream<T, PIXELS, LAGS> {
@@ -44,17 +64,18 @@ impl<T: Scalar, const PIXELS: usize, const LAGS: usize> CrossSpectrumStream<T, P
 
     /// Take frame n and give `each(dt, ⟨C(n-dt, dt)⟩)` for dt = 1, 2, ... up to `LAGS` or the first
     /// frame, whichever is nearer.
-    pub fn push(&mut self, field: &[Complex<T>; PIXELS], mut each: impl FnMut(usize, PairMean<T>)) {
-        let field = &field.map(dark_if_not_finite);
-        let power = mean_over_pixels(field, field, T::one(), T::one()).cross.re;
+    ///
+    /// A mean is over the pixels that both frames have; those beyond `PIXELS` are left out.
+    pub fn push(&mut self, field: &[Complex<T>], mut each: impl FnMut(usize, PairMean<T>)) {
+        let frame = Frame::new(field);
         for (age, past) in self.past.iter().enumerate() {
-            each(age + 1, mean_over_pixels(&past.field, field, past.power, power));
+            each(age + 1, mean_over_pixels(past, &frame));
         }
         if self.past.is_full() {
             self.past.pop_back();
         }
         // Cannot fail: one place has just been made.
-        let _ = self.past.push_front(Past { field: *field, power });
+        let _ = self.past.push_front(frame);
     }
 }
 
@@ -73,18 +94,27 @@ fn dark_if_not_finite<T: Scalar>(u: Complex<T>) -> Complex<T> {
     Complex { re: keep(u.re), im: keep(u.im) }
 }
 
-/// Ensemble mean of the pair (`earlier`, `later`) over all pixels.
-fn mean_over_pixels<T: Scalar>(
-    earlier: &[Complex<T>],
-    later: &[Complex<T>],
-    earlier_power: T,
-    later_power: T,
+/// Ensemble mean of the pair (`earlier`, `later`) over the pixels that both have.
+fn mean_over_pixels<T: Scalar, const PIXELS: usize>(
+    earlier: &Frame<T, PIXELS>,
+    later: &Frame<T, PIXELS>,
 ) -> PairMean<T> {
+    let pixels = earlier.field.len().min(later.field.len());
+    let cross = sum_over_pixels(&earlier.field, &later.field);
+    cross.mean(earlier.power_of(pixels), later.power_of(pixels))
+}
+
+/// ⟨|U|²⟩.
+fn mean_power<T: Scalar>(field: &[Complex<T>]) -> T {
+    sum_over_pixels(field, field).mean(T::one(), T::one()).cross.re
+}
+
+fn sum_over_pixels<T: Scalar>(earlier: &[Complex<T>], later: &[Complex<T>]) -> Ensemble<T> {
     let mut ensemble = Ensemble::new();
     for (&u, &v) in earlier.iter().zip(later) {
         ensemble.add(cross_spectrum(u, v));
     }
-    ensemble.mean(earlier_power, later_power)
+    ensemble
 }
 
 #[cfg(test)]
@@ -115,5 +145,26 @@ mod tests {
             });
         }
         assert_eq!(pairs, [[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 1, 1], [1, 1, 1], [1, 1, 1]]);
+    }
+
+    #[test]
+    fn frames_of_other_lengths_count_what_both_have() {
+        let field = |t: usize, pixels: usize| {
+            core::array::from_fn::<_, 4, _>(|i| {
+                let lit = if i < pixels { 1.0 + i as f64 } else { 0.0 };
+                Complex::from_polar(lit, 0.1 * t as f64)
+            })
+        };
+        let mut stream = CrossSpectrumStream::<f64, 4, 2>::new();
+        stream.push(&field(0, 4), |_, _| {});
+        stream.push(&field(1, 2)[..2], |_, mean| {
+            assert!((mean.coherence_squared() - 1.0).abs() < 1e-14);
+            assert!((mean.cross.norm() - 2.5).abs() < 1e-14, "(1 + 4) / 2");
+        });
+        let six = [Complex::new(1.0, 0.0); 6];
+        stream.push(&six, |dt, mean| {
+            assert!((mean.cross.arg() + 0.1 * (dt as f64 - 2.0)).abs() < 1e-14);
+        });
+        stream.push(&[], |_, mean| assert_eq!(mean.coherence_squared(), 0.0));
     }
 }

@@ -40,6 +40,7 @@ pub mod cross_spectrum;
 pub mod ensemble;
 mod error;
 pub mod layers;
+pub mod online;
 pub mod params;
 pub mod reference;
 pub mod regularize;

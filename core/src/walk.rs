@@ -24,7 +24,7 @@ pub struct Estimate<T> {
     pub sigma_rad: T,
 }
 
-/// Streaming solution over `PIXELS` pixels with pairs up to `LAGS` frames apart and `ROWS` >= `LAGS` + 1
+/// Streaming solution over up to `PIXELS` pixels with pairs up to `LAGS` frames apart and `ROWS` >= `LAGS` + 1
 /// frames of history.
 ///
 /// Memory: LAGS complex fields and 3 ROWS LAGS + 7 ROWS + 12 LAGS numbers; [`Self::push`] takes 3 ROWS LAGS
@@ -69,7 +69,10 @@ impl<T: Scalar, const PIXELS: usize, const LAGS: usize, const ROWS: usize>
     }
 
     /// Take the next frame, evenly spaced in time, and say where the phase is now.
-    pub fn push(&mut self, field: &[Complex<T>; PIXELS]) -> Estimate<T> {
+    ///
+    /// All frames have the same pixels, at most `PIXELS` of them: what is beyond is left out, and of
+    /// frames with different numbers of pixels those count that both have.
+    pub fn push(&mut self, field: &[Complex<T>]) -> Estimate<T> {
         let frame = self.solver.frames();
         self.begin_frame(frame);
         let Self { weights, looks, stream, rows, solver, noise, .. } = self;

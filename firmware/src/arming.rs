@@ -8,38 +8,72 @@
 /// Edges of an output that can be near at once: the armed one, and the one that its interrupt arms.
 pub const DEPTH: usize = 2;
 
-/// Edges are at most this far ahead; so a counter that is less than the rest of the wrap past an
-/// edge's tick has passed it.
-pub const REACH: u16 = 65_535 - PASSED + 1;
+/// The counter of a timer, with its compare register.
+pub trait Counter: Copy + PartialOrd + core::fmt::Debug {
+    /// Zero.
+    const ZERO: Self;
 
-/// An edge is found out to have been made within so many ticks.
-const PASSED: u16 = 2_048;
+    /// Edges are at most this far ahead; so a counter that is less than the rest of the wrap past an
+    /// edge's tick has passed it.
+    const REACH: Self;
+
+    /// An edge is found out to have been made within so many ticks: the rest of the wrap.
+    const PASSED: Self;
+
+    /// Ticks from `earlier` to this, at most a wrap.
+    fn since(self, earlier: Self) -> Self;
+}
+
+impl Counter for u16 {
+    const ZERO: Self = 0;
+    const REACH: Self = Self::MAX - Self::PASSED + 1;
+    const PASSED: Self = 2_048;
+
+    #[inline(always)]
+    fn since(self, earlier: Self) -> Self {
+        self.wrapping_sub(earlier)
+    }
+}
+
+impl Counter for u32 {
+    const ZERO: Self = 0;
+    const REACH: Self = Self::MAX - Self::PASSED + 1;
+    const PASSED: Self = 1 << 31;
+
+    #[inline(always)]
+    fn since(self, earlier: Self) -> Self {
+        self.wrapping_sub(earlier)
+    }
+}
+
+/// Reach of a 16-bit counter.
+pub const REACH: u16 = u16::REACH;
 
 /// When a register may be written: so many ticks before its edge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Window {
+pub struct Window<C = u16> {
     /// At least.
-    pub least: u16,
+    pub least: C,
     /// At most.
-    pub most: u16,
+    pub most: C,
 }
 
 /// An edge less than a wrap ahead.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct NearEdge {
+pub struct NearEdge<C = u16> {
     /// The low bits of its tick.
-    pub tick: u16,
+    pub tick: C,
     /// What the output becomes.
     pub high: bool,
 }
 
 /// What to do now.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Arming {
+pub enum Arming<C = u16> {
     /// Nothing waits, or an edge is armed already.
     Nothing,
     /// Write this one into the register.
-    Set(NearEdge),
+    Set(NearEdge<C>),
     /// Too early for this one.
     Wait,
     /// Too late.
@@ -50,10 +84,10 @@ pub enum Arming {
 ///
 /// Made for interrupts: each step is a few dozen instructions.
 #[derive(Debug)]
-pub struct Output {
-    armed: NearEdge,
+pub struct Output<C = u16> {
+    armed: NearEdge<C>,
     is_armed: bool,
-    ready: NearEdge,
+    ready: NearEdge<C>,
     is_ready: bool,
     /// What the output became last.
     level: bool,
@@ -61,23 +95,23 @@ pub struct Output {
     made: u8,
 }
 
-impl Default for Output {
+impl<C: Counter> Default for Output<C> {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl Output {
+impl<C: Counter> Output<C> {
     /// No edges, and the output is low.
     #[must_use]
     pub const fn new() -> Self {
-        let none = NearEdge { tick: 0, high: false };
+        let none = NearEdge { tick: C::ZERO, high: false };
         Self { armed: none, is_armed: false, ready: none, is_ready: false, level: false, made: 0 }
     }
 
     /// Have an edge ready to be armed; false when one is ready already.
     #[inline(always)]
-    pub fn put(&mut self, edge: NearEdge) -> bool {
+    pub fn put(&mut self, edge: NearEdge<C>) -> bool {
         let room = !self.is_ready;
         if room {
             self.ready = edge;
@@ -89,7 +123,7 @@ impl Output {
     /// The edge that is ready to be armed.
     #[must_use]
     #[inline(always)]
-    pub fn ready(&self) -> Option<NearEdge> {
+    pub fn ready(&self) -> Option<NearEdge<C>> {
         if self.is_ready { Some(self.ready) } else { None }
     }
 
@@ -117,14 +151,14 @@ impl Output {
     /// Whether the counter, now at `now`, has passed the armed edge.
     #[must_use]
     #[inline(always)]
-    pub fn has_passed(&self, now: u16) -> bool {
+    pub fn has_passed(&self, now: C) -> bool {
         // An interrupt that was pending from an earlier wrap finds the edge still ahead.
-        self.is_armed && now.wrapping_sub(self.armed.tick) < PASSED
+        self.is_armed && now.since(self.armed.tick) < C::PASSED
     }
 
     /// The armed edge, if the counter, now at `now`, has passed it: it was made.
     #[inline(always)]
-    pub fn matched(&mut self, now: u16) -> Option<NearEdge> {
+    pub fn matched(&mut self, now: C) -> Option<NearEdge<C>> {
         if !self.has_passed(now) {
             return None;
         }
@@ -136,12 +170,12 @@ impl Output {
 
     /// What to do with the ready edge, the counter being at `now`.
     #[inline(always)]
-    pub fn arm(&mut self, now: u16, window: Window) -> Arming {
+    pub fn arm(&mut self, now: C, window: Window<C>) -> Arming<C> {
         if self.is_armed || !self.is_ready {
             return Arming::Nothing;
         }
-        let left = self.ready.tick.wrapping_sub(now);
-        if left < window.least || left > REACH {
+        let left = self.ready.tick.since(now);
+        if left < window.least || left > C::REACH {
             return Arming::Late;
         }
         if left > window.most {
@@ -173,6 +207,19 @@ mod tests {
 
     const FAR: Window = Window { least: 160, most: REACH };
     const CLOSE: Window = Window { least: 60, most: 245 };
+
+    #[test]
+    fn a_counter_of_32_bits_tells_edges_ahead_from_passed_ones() {
+        let window = Window { least: 420, most: u32::REACH };
+        let mut output = Output::<u32>::new();
+        let edge = NearEdge { tick: 50, high: true };
+        assert!(output.put(edge));
+        assert_eq!(output.arm(u32::MAX - 1_000_000, window), Arming::Set(edge));
+        assert_eq!(output.matched(u32::MAX), None);
+        assert_eq!(output.matched(40_000_000), Some(edge));
+        assert!(output.put(NearEdge { tick: 40_000_400, high: false }));
+        assert_eq!(output.arm(40_000_000, window), Arming::Late);
+    }
 
     fn edge(tick: u16) -> NearEdge {
         NearEdge { tick, high: true }

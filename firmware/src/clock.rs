@@ -1,4 +1,4 @@
-//! A clock of many hours from a 16-bit counter and the interrupts of its overflow.
+//! A clock of many hours from a counter of 16 or 32 bits.
 
 /// Ticks since the start: `overflows`·2¹⁶ + `counter`.
 ///
@@ -13,9 +13,43 @@ pub const fn extend(overflows: u32, counter: u16, overflow_pending: bool) -> u64
     (overflows << 16) | counter as u64
 }
 
+/// Ticks since the start, from a 32-bit counter that is read at least once in each of its wraps.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Extended {
+    wraps: u32,
+    last: u32,
+}
+
+impl Extended {
+    /// Nothing counted yet.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { wraps: 0, last: 0 }
+    }
+
+    /// wraps·2³² + `counter`, which was read just now. 32 bits of wraps are 6,900 years at 84 MHz.
+    pub fn ticks(&mut self, counter: u32) -> u64 {
+        if counter < self.last {
+            self.wraps = self.wraps.wrapping_add(1);
+        }
+        self.last = counter;
+        (self.wraps as u64) << 32 | counter as u64
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use super::extend;
+    use super::{Extended, extend};
+
+    #[test]
+    fn wraps_of_a_32_bit_counter_are_counted() {
+        let mut clock = Extended::new();
+        assert_eq!(clock.ticks(7), 7);
+        assert_eq!(clock.ticks(u32::MAX), u32::MAX.into());
+        assert_eq!(clock.ticks(3), (1 << 32) + 3);
+        assert_eq!(clock.ticks(3), (1 << 32) + 3);
+        assert_eq!(clock.ticks(2), (2 << 32) + 2);
+    }
 
     #[test]
     fn time_goes_on_across_a_wrap() {

@@ -43,8 +43,8 @@ test    Everything a change must pass: formatting, lints, the images of the boar
         As root on Debian it installs the packages it lacks; elsewhere it prints the line that
         does. Needs the network for the first run (crates, Python and Node packages).
 firmware
-        Builds the trigger board's image (target/firmware/uno.elf, .hex) and the emulated board
-        (target/firmware/emulated-board, what `phasewalk trigger ... --port sim:` starts), and
+        Builds the trigger boards' images (target/firmware/uno.elf, .hex, f405.elf, .bin) and the emulated
+        Uno (target/firmware/emulated-board, what `phasewalk trigger ... --port sim:` starts), and
         prints flash and memory.
 peers   Times `phasewalk phase` and the same method in NumPy + SciPy on the paper's scene, one
         after the other, and compares the images. Full size takes minutes and 3 GB of memory.

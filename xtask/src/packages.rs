@@ -29,6 +29,20 @@ pub(crate) const AVR_TOOLS: Need = Need {
     is_there: || succeeds(command("avr-gcc").arg("--version")),
 };
 
+/// Linker and tools of the STM32F405's images.
+pub(crate) const ARM_TOOLS: Need = Need {
+    what: "a linker for ARM (arm-none-eabi-ld)",
+    packages: "binutils-arm-none-eabi",
+    is_there: || succeeds(command("arm-none-eabi-ld").arg("--version")),
+};
+
+/// The emulated STM32F405.
+pub(crate) const QEMU: Need = Need {
+    what: "QEMU for ARM",
+    packages: "qemu-system-arm",
+    is_there: || succeeds(command("qemu-system-arm").arg("--version")),
+};
+
 /// A Rust that can build its own `core` for a target that comes without.
 pub(crate) const RUST_SOURCES: Need = Need {
     what: "a Rust compiler with the sources of its library (rustup component add rust-src)",

@@ -1,7 +1,7 @@
 //! `cargo xtask test`: everything, in the order in which failures are cheapest to learn about.
 
 use crate::command::{cargo, command, run, succeeds};
-use crate::packages::{self, ARDUINO, AVR_TOOLS, NODE, RUST_SOURCES, SIMAVR};
+use crate::packages::{self, ARDUINO, ARM_TOOLS, AVR_TOOLS, NODE, QEMU, RUST_SOURCES, SIMAVR};
 use crate::{Result, firmware, folders, interop, python};
 use std::path::Path;
 use std::time::Instant;
@@ -59,7 +59,7 @@ fn tools() -> Result {
     }
     let python = packages::python()?;
     println!("   {} serves", python.display());
-    for need in [AVR_TOOLS, RUST_SOURCES, SIMAVR, ARDUINO, NODE] {
+    for need in [AVR_TOOLS, ARM_TOOLS, RUST_SOURCES, SIMAVR, QEMU, ARDUINO, NODE] {
         need.meet()?;
     }
     second_simulator()

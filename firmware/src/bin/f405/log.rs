@@ -1,0 +1,111 @@
+//! defmt's logger: frames into memory, from where a debug probe takes them (SEGGER's RTT), and so does
+//! an emulator's user.
+//!
+//! It is our own because the ready-made one can panic. It never waits: what nobody takes in time is
+//! written over.
+
+use core::cell::UnsafeCell;
+use core::ptr::{addr_of_mut, write_volatile};
+use core::sync::atomic::{Ordering, compiler_fence};
+
+/// Bytes that wait to be taken: those of a whole run as the paper has it.
+const BYTES: usize = 16_384;
+
+/// What a probe looks for, with one channel from and none to the board.
+#[repr(C)]
+struct ControlBlock {
+    /// "SEGGER RTT"
+    id: [u8; 16],
+    channels_up: u32,
+    channels_down: u32,
+    name: *const u8,
+    bytes: *mut u8,
+    size: u32,
+    /// Where the next byte goes; ours.
+    write: u32,
+    /// Where the next byte is taken; the probe's.
+    read: u32,
+    flags: u32,
+}
+
+/// The channel and its encoder; used with interrupts disabled only.
+struct Channel {
+    encoder: UnsafeCell<defmt::Encoder>,
+    /// Where in the buffer the next byte goes.
+    write: UnsafeCell<usize>,
+    /// Interrupts were enabled when the frame began.
+    enabled: UnsafeCell<bool>,
+}
+
+// SAFETY: one core, and interrupts are disabled from `acquire` to `release`.
+unsafe impl Sync for Channel {}
+
+static CHANNEL: Channel = Channel {
+    encoder: UnsafeCell::new(defmt::Encoder::new()),
+    write: UnsafeCell::new(0),
+    enabled: UnsafeCell::new(false),
+};
+
+static mut BUFFER: [u8; BYTES] = [0; BYTES];
+
+// Debug probes and tests find it by this name.
+#[unsafe(no_mangle)]
+static mut _SEGGER_RTT: ControlBlock = ControlBlock {
+    id: *b"SEGGER RTT\0\0\0\0\0\0",
+    channels_up: 1,
+    channels_down: 0,
+    name: c"defmt".as_ptr().cast(),
+    bytes: addr_of_mut!(BUFFER).cast(),
+    size: BYTES as u32,
+    write: 0,
+    read: 0,
+    flags: 0,
+};
+
+fn put(bytes: &[u8]) {
+    // SAFETY: interrupts are disabled; `BUFFER` is written here only.
+    let (write, buffer) = unsafe { (&mut *CHANNEL.write.get(), addr_of_mut!(BUFFER).cast::<u8>()) };
+    for &byte in bytes {
+        // SAFETY: `write` is below `BYTES`.
+        unsafe { write_volatile(buffer.add(*write), byte) };
+        *write = (*write + 1) % BYTES;
+    }
+}
+
+#[defmt::global_logger]
+struct Logger;
+
+// SAFETY: from `acquire` to `release` interrupts are disabled, so frames are not mixed; those who log
+// do not log from within.
+unsafe impl defmt::Logger for Logger {
+    fn acquire() {
+        let enabled = cortex_m::register::primask::read().is_active();
+        cortex_m::interrupt::disable();
+        // SAFETY: interrupts are disabled.
+        unsafe {
+            *CHANNEL.enabled.get() = enabled;
+            (*CHANNEL.encoder.get()).start_frame(put);
+        }
+    }
+
+    unsafe fn flush() {}
+
+    unsafe fn release() {
+        // SAFETY: as above; the bytes are there before the probe is told.
+        unsafe {
+            (*CHANNEL.encoder.get()).end_frame(put);
+            compiler_fence(Ordering::SeqCst);
+            write_volatile(addr_of_mut!(_SEGGER_RTT.write), *CHANNEL.write.get() as u32);
+            if *CHANNEL.enabled.get() {
+                cortex_m::interrupt::enable();
+            }
+        }
+    }
+
+    unsafe fn write(bytes: &[u8]) {
+        // SAFETY: as above.
+        unsafe { (*CHANNEL.encoder.get()).write(bytes, put) };
+    }
+}
+
+defmt::timestamp!("{=u64}", crate::near::NEAR.with(|near| near.now()));
