@@ -34,7 +34,8 @@ pub trait Outputs {
     /// All outputs low at once, all waiting edges forgotten.
     fn all_low(&mut self);
 
-    /// The stimulus low at once, its waiting edges forgotten. Asked only of boards that can solve.
+    /// The stimulus low at once, its waiting edges forgotten; those made so far are still told. Asked
+    /// only of boards that can solve.
     fn stimulus_low(&mut self) {
         self.all_low();
     }

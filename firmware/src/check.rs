@@ -65,6 +65,8 @@ pub enum Rule {
     FramePulse,
     /// A phase limit needs a board that can solve.
     PhaseLimit,
+    /// The silence of the solver that ends a run can be told from none, as that of the host.
+    PhaseSilence,
     /// The silence of the host that ends a run can be told from none: half of what 32 bits count.
     Heartbeat,
     /// No time, and not the run as a whole, is beyond what the clock counts.
@@ -135,6 +137,7 @@ impl Rule {
                 "period of the frame clock (0: the board has none)"
             }
             Self::FramePulse => "camera pulse less images per sweep times frame period",
+            Self::PhaseSilence => "silence of the solver that ends the run",
             Self::PhaseLimit => "number of phase limits (only a board with a solver keeps one)",
             Self::Heartbeat => "silence of the host that ends the run",
             Self::Length => "length of the run, or a time in it,",
@@ -264,8 +267,9 @@ impl Rules {
             let images = u64::from(plan.frame).wrapping_mul(plan.caps.images_per_sweep.into());
             self.at_most(Rule::FramePulse, images.abs_diff(plan.camera.width.into()), 0);
         }
-        if plan.phase_limit.is_some() {
+        if let Some(limit) = &plan.phase_limit {
             self.at_most(Rule::PhaseLimit, 1, limits.speckles.min(1).into());
+            self.at_most(Rule::PhaseSilence, limit.silence.into(), LONGEST_SILENCE - 1);
         }
     }
 

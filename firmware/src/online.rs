@@ -91,21 +91,22 @@ impl<B: Board> Program<B> {
         }
         self.online.crossed = true;
         if action == Action::Stimulus {
-            self.end_stimulus(now);
+            self.end_stimulus();
         }
         self.outbox.tell(Event::Crossed { tick: now });
         Ok(())
     }
 
     /// The light goes off now and does not come back.
-    fn end_stimulus(&mut self, now: u64) {
-        // What was made before is told first.
-        self.collect();
-        let lit = self.guard.is_high(Channel::Stimulus);
+    fn end_stimulus(&mut self) {
         self.board.stimulus_low();
+        // What was made before is told first: of each output at most two edges since the last pass.
+        for _ in 0..2 * Channel::ALL.len() {
+            self.collect();
+        }
         self.sequencer.end_light();
-        if lit {
-            let edge = Edge::fall(Channel::Stimulus, now);
+        if self.guard.is_high(Channel::Stimulus) {
+            let edge = Edge::fall(Channel::Stimulus, self.board.now());
             self.guard.made(edge);
             self.outbox.tell(Event::Made(edge));
         }

@@ -13,16 +13,22 @@
 //! | [`npy`] | the NumPy files that go in and come out |
 //! | `board` | an emulated Arduino Uno (feature `emulated-boards`) |
 //! | `avr8js` | the same on a second simulator (feature `emulated-boards`) |
+//! | `f405` | a board with an STM32F405 (feature `emulated-boards`) |
+//! | `qemu` | the image of the STM32F405 in QEMU (feature `emulated-boards`) |
 //! | `session` | a conversation with a simulated board (feature `emulated-boards`) |
 
 #[cfg(feature = "emulated-boards")]
 pub mod avr8js;
 #[cfg(feature = "emulated-boards")]
 pub mod board;
+#[cfg(feature = "emulated-boards")]
+pub mod f405;
 pub mod library;
 pub mod npy;
 pub mod oracle;
 pub mod program;
+#[cfg(feature = "emulated-boards")]
+pub mod qemu;
 pub mod random;
 pub mod recording;
 pub mod rehearsed_board;

@@ -1,14 +1,16 @@
 //! The board's whole program on the desktop, behind a pseudo-terminal: what the host program
 //! talks to is the firmware itself, its clock tied to the real one.
 
-use phasewalk_firmware::board::{Board, Identity, Inputs, Life, Line, Offer, Outputs};
+use num_complex::Complex;
+use phasewalk_core::online::{OnlineWalk, online_walk};
+use phasewalk_firmware::board::{Board, Identity, Inputs, Life, Line, Offer, Outputs, Solve};
 use phasewalk_firmware::channel::{Channel, Edge};
 use phasewalk_firmware::device::Device;
 use phasewalk_firmware::fault::Fault;
 use phasewalk_firmware::frame::{self, Received, Receiver};
 use phasewalk_firmware::limits::Limits;
-use phasewalk_firmware::message::{Answer, State};
-use phasewalk_firmware::rehearsal::Rehearsal;
+use phasewalk_firmware::message::{Answer, Estimate, SPECKLE_BYTES, State};
+use phasewalk_firmware::rehearsal::{AsF405, AsUno, Rehearsal, Rehearses};
 use serialport::{SerialPort, TTYPort};
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
@@ -16,8 +18,19 @@ use std::sync::mpsc::{Receiver as Orders, Sender, TryRecvError, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Ticks of a pass of the main loop.
-const PASS: u32 = 2_000;
+/// A board that can be rehearsed.
+pub trait Kind: Rehearses + Send + 'static {
+    /// Ticks of a pass of the main loop.
+    const PASS: u32;
+}
+
+impl Kind for AsUno {
+    const PASS: u32 = 2_000;
+}
+
+impl Kind for AsF405 {
+    const PASS: u32 = 8_400;
+}
 
 /// The desktop's thread looks at the line so often.
 const TURN: Duration = Duration::from_millis(1);
@@ -25,10 +38,10 @@ const TURN: Duration = Duration::from_millis(1);
 /// What answers are turned into on their way: dropped, changed, doubled.
 pub type Filter = Box<dyn FnMut(Answer) -> Vec<Answer> + Send>;
 
-/// The rehearsal, with a camera that says when it exposes.
-pub struct Bench {
+/// The rehearsal, with a camera that says when it exposes, and with the core's solver.
+pub struct Bench<M = AsUno> {
     /// The board without hardware.
-    pub rehearsal: Rehearsal,
+    pub rehearsal: Rehearsal<M>,
     /// From the camera's trigger to its EXPOSE edge, in ticks; none: not wired.
     pub exposure_delay: Option<u64>,
     /// What it says of itself.
@@ -36,18 +49,83 @@ pub struct Bench {
     /// Every edge of the outputs.
     pub edges: Vec<Edge>,
     exposures: VecDeque<u64>,
+    solver: Option<Solver>,
 }
 
-impl Default for Bench {
+impl<M: Kind> Default for Bench<M> {
     fn default() -> Self {
         let mut rehearsal = Rehearsal::default();
         let identity = rehearsal.identity();
         let (edges, exposures) = (Vec::new(), VecDeque::new());
-        Self { rehearsal, exposure_delay: None, identity, edges, exposures }
+        Self { rehearsal, exposure_delay: None, identity, edges, exposures, solver: None }
     }
 }
 
-impl Outputs for Bench {
+/// The on-line solver with the speckles of a volume so far.
+struct Solver {
+    walk: Box<OnlineWalk<f32>>,
+    speckles: usize,
+    volume: Vec<Complex<f32>>,
+}
+
+impl Solver {
+    /// Ticks that a volume takes, by its word.
+    const TOOK: u32 = 84_000;
+
+    fn new(speckles: u16, looks: u32) -> Option<Self> {
+        let speckles = usize::from(speckles);
+        let walk = online_walk(speckles, f32::from_bits(looks).into()).ok()?;
+        Some(Self { walk: Box::new(walk), speckles, volume: Vec::new() })
+    }
+
+    fn take(&mut self, first: u16, bytes: &[u8]) -> bool {
+        let count = bytes.len() / SPECKLE_BYTES;
+        let next = self.volume.len();
+        let whole = bytes.len().is_multiple_of(SPECKLE_BYTES);
+        if usize::from(first) != next || !whole || next + count > self.speckles {
+            return false;
+        }
+        let part = |bytes: &[u8]| f32::from_le_bytes(bytes.try_into().expect("four bytes"));
+        let speckle = |bytes: &[u8]| Complex { re: part(&bytes[..4]), im: part(&bytes[4..]) };
+        self.volume.extend(bytes.chunks_exact(SPECKLE_BYTES).map(speckle));
+        true
+    }
+
+    fn solved(&mut self) -> Option<Estimate> {
+        if self.volume.len() < self.speckles {
+            return None;
+        }
+        let estimate = self.walk.push(&self.volume);
+        self.volume.clear();
+        Some(Estimate {
+            volume: estimate.frame as u32,
+            phase: estimate.phase_rad.to_bits(),
+            sigma: estimate.sigma_rad.to_bits(),
+            took: Self::TOOK,
+        })
+    }
+}
+
+impl<M> Solve for Bench<M> {
+    fn begin_series(&mut self, speckles: u16, looks: u32) -> bool {
+        self.solver = Solver::new(speckles, looks);
+        self.solver.is_some()
+    }
+
+    fn samples(&mut self, first: u16, bytes: &[u8]) -> bool {
+        self.solver.as_mut().is_some_and(|solver| solver.take(first, bytes))
+    }
+
+    fn solved(&mut self) -> Option<Estimate> {
+        self.solver.as_mut()?.solved()
+    }
+
+    fn phase_line(&mut self, high: bool) {
+        self.rehearsal.phase_line(high);
+    }
+}
+
+impl<M: Kind> Outputs for Bench<M> {
     fn now(&mut self) -> u64 {
         self.rehearsal.now()
     }
@@ -78,6 +156,14 @@ impl Outputs for Bench {
         self.rehearsal.all_low();
     }
 
+    fn stimulus_low(&mut self) {
+        self.rehearsal.stimulus_low();
+    }
+
+    fn frame_clock(&mut self, period: u32) {
+        self.rehearsal.frame_clock(period);
+    }
+
     fn read_back(&mut self) -> bool {
         self.rehearsal.read_back()
     }
@@ -91,7 +177,7 @@ impl Outputs for Bench {
     }
 }
 
-impl Inputs for Bench {
+impl<M> Inputs for Bench<M> {
     fn interlock_closed(&mut self) -> bool {
         self.rehearsal.interlock_closed()
     }
@@ -117,7 +203,7 @@ impl Inputs for Bench {
     }
 }
 
-impl Line for Bench {
+impl<M> Line for Bench<M> {
     fn read(&mut self) -> Option<u8> {
         self.rehearsal.read()
     }
@@ -131,7 +217,7 @@ impl Line for Bench {
     }
 }
 
-impl Life for Bench {
+impl<M> Life for Bench<M> {
     fn feed_watchdog(&mut self) {
         self.rehearsal.feed_watchdog();
     }
@@ -149,8 +235,8 @@ impl Life for Bench {
     }
 }
 
-impl Board for Bench {
-    const LIMITS: Limits = Limits::UNO;
+impl<M: Kind> Board for Bench<M> {
+    const LIMITS: Limits = M::LIMITS;
 
     fn identity(&mut self) -> Identity {
         self.identity
@@ -168,12 +254,12 @@ pub struct Setup {
     pub boot: Duration,
 }
 
-type Order = Box<dyn FnOnce(&mut World) + Send>;
+type Order<M> = Box<dyn FnOnce(&mut World<M>) + Send>;
 
 /// The board's side of the line.
-pub struct World {
+pub struct World<M = AsUno> {
     /// The board.
-    pub device: Device<Bench>,
+    pub device: Device<Bench<M>>,
     /// What its answers are turned into.
     pub filter: Filter,
     /// The line itself, for bytes that no board would send.
@@ -187,10 +273,10 @@ pub struct World {
 }
 
 /// A board behind a pseudo-terminal; dropped, it is unplugged.
-pub struct RehearsedBoard {
+pub struct RehearsedBoard<M: Kind = AsUno> {
     /// What the host program opens.
     pub port: String,
-    orders: Option<Sender<Order>>,
+    orders: Option<Sender<Order<M>>>,
     thread: Option<JoinHandle<()>>,
     /// Held open, so that the line outlives one program and serves the next.
     _far_end: TTYPort,
@@ -203,12 +289,29 @@ impl Default for RehearsedBoard {
 }
 
 impl RehearsedBoard {
-    /// Plug it in.
+    /// Plug an Uno in.
     ///
     /// # Panics
     /// If the machine has no pseudo-terminals.
     #[must_use]
     pub fn start(setup: Setup) -> Self {
+        Self::plug_in(setup)
+    }
+}
+
+impl RehearsedBoard<AsF405> {
+    /// Plug an STM32F405 in.
+    ///
+    /// # Panics
+    /// If the machine has no pseudo-terminals.
+    #[must_use]
+    pub fn f405() -> Self {
+        Self::plug_in(Setup::default())
+    }
+}
+
+impl<M: Kind> RehearsedBoard<M> {
+    fn plug_in(setup: Setup) -> Self {
         let (line, far_end) = TTYPort::pair().expect("a pseudo-terminal");
         let (mut line, far_end) = (ours_alone(line), ours_alone(far_end));
         line.set_timeout(TURN).expect("a time-out");
@@ -222,9 +325,12 @@ impl RehearsedBoard {
     ///
     /// # Panics
     /// If the board's thread has panicked.
-    pub fn with<R: Send + 'static>(&self, act: impl FnOnce(&mut World) -> R + Send + 'static) -> R {
+    pub fn with<R: Send + 'static>(
+        &self,
+        act: impl FnOnce(&mut World<M>) -> R + Send + 'static,
+    ) -> R {
         let (sender, receiver) = channel();
-        let order: Order = Box::new(move |world| {
+        let order: Order<M> = Box::new(move |world| {
             let _ = sender.send(act(world));
         });
         self.orders.as_ref().expect("it is plugged in").send(order).expect("its thread lives");
@@ -273,7 +379,7 @@ impl RehearsedBoard {
     }
 }
 
-impl Drop for RehearsedBoard {
+impl<M: Kind> Drop for RehearsedBoard<M> {
     fn drop(&mut self) {
         self.stop();
     }
@@ -284,7 +390,7 @@ fn ours_alone(end: TTYPort) -> TTYPort {
     end.try_clone_native().expect("a second handle")
 }
 
-impl World {
+impl<M: Kind> World<M> {
     fn new(line: TTYPort, setup: Setup) -> Self {
         let bench = Bench { exposure_delay: setup.exposure_delay, ..Bench::default() };
         Self {
@@ -306,7 +412,7 @@ impl World {
         self.begin = Instant::now();
     }
 
-    fn live(mut self, orders: &Orders<Order>) {
+    fn live(mut self, orders: &Orders<Order<M>>) {
         loop {
             match orders.try_recv() {
                 Ok(order) => order(&mut self),
@@ -337,10 +443,10 @@ impl World {
 
     /// Passes until the board's clock is where the desktop's is.
     fn catch_up(&mut self) {
-        let rate = 16e6 * (1.0 + self.setup.ppm * 1e-6);
+        let rate = f64::from(M::LIMITS.ticks_per_second) * (1.0 + self.setup.ppm * 1e-6);
         let target = (self.begin.elapsed().as_secs_f64() * rate) as u64;
-        while self.device.board().rehearsal.now + u64::from(PASS) <= target {
-            self.device.board().rehearsal.advance(PASS);
+        while self.device.board().rehearsal.now + u64::from(M::PASS) <= target {
+            self.device.board().rehearsal.advance(M::PASS);
             self.device.pass();
             self.say();
         }

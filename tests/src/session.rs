@@ -2,6 +2,7 @@
 //! cycle by cycle and without it.
 
 use crate::board::{Pin, PinEdge, Uno};
+use crate::f405::{self, F405};
 use crate::random::Random;
 use phasewalk_firmware::channel::{Channel, Edge};
 use phasewalk_firmware::compiled::Compiled;
@@ -12,19 +13,83 @@ use phasewalk_firmware::plan::{Caps, Inputs, Interlock, Plan, Pulse, Start, Stim
 use phasewalk_firmware::rehearsal::rehearse;
 use std::path::PathBuf;
 
-/// Cycles of a millisecond.
+/// Cycles of a millisecond on the Uno.
 pub const MS: u64 = 16_000;
 
-/// Cycles of a second.
+/// Cycles of a second on the Uno.
 pub const SECOND: u64 = 1000 * MS;
 
-/// Cycles of a byte at 250,000 baud.
+/// Cycles of a byte at 250,000 baud on the Uno.
 pub const CYCLES_PER_BYTE: u64 = 640;
 
-/// An answer takes a few milliseconds; this is a board that does not answer.
-const PATIENCE: u64 = 200 * MS;
+/// An answer takes a few milliseconds; after so many the board does not answer.
+const PATIENCE: u64 = 200;
 
-/// A simulator of the board.
+/// Bytes per second on the line: 250,000 baud.
+const BYTES_PER_SECOND: u64 = 25_000;
+
+/// A simulated board that one can talk with. Times are in ticks of its own clock.
+pub trait Board {
+    /// What it can do.
+    const LIMITS: Limits;
+    /// Ticks since power-on.
+    fn time(&self) -> u64;
+    /// Run to a tick, and say what the board has sent until then.
+    fn run_to(&mut self, until: u64) -> Vec<u8>;
+    /// Send bytes to the board, one after the other without a gap.
+    fn put(&mut self, bytes: &[u8]);
+    /// Safety loop closed, camera ready, nothing else on the inputs.
+    fn prepare(&mut self);
+}
+
+impl<S: Simulator> Board for S {
+    const LIMITS: Limits = Limits::UNO;
+
+    fn time(&self) -> u64 {
+        self.cycle()
+    }
+
+    fn run_to(&mut self, until: u64) -> Vec<u8> {
+        self.run(until)
+    }
+
+    fn put(&mut self, bytes: &[u8]) {
+        self.send(bytes);
+    }
+
+    fn prepare(&mut self) {
+        self.drive(Pin::D2, false);
+        self.drive(Pin::D3, false);
+        self.drive(Pin::D4, true);
+        self.drive(Pin::D8, false);
+    }
+}
+
+impl Board for F405 {
+    const LIMITS: Limits = Limits::F405;
+
+    fn time(&self) -> u64 {
+        self.tick()
+    }
+
+    fn run_to(&mut self, until: u64) -> Vec<u8> {
+        self.run_until(until);
+        self.received()
+    }
+
+    fn put(&mut self, bytes: &[u8]) {
+        self.send(bytes);
+    }
+
+    fn prepare(&mut self) {
+        self.drive(f405::Pin::INTERLOCK, false);
+        self.drive(f405::Pin::READY, true);
+        self.drive(f405::Pin::START, false);
+        self.drive(f405::Pin::EXPOSE, false);
+    }
+}
+
+/// A simulator of the Uno.
 pub trait Simulator {
     /// Cycles since power-on.
     fn cycle(&self) -> u64;
@@ -77,13 +142,16 @@ pub struct Session<S> {
     pub limits: Limits,
 }
 
-impl<S: Simulator> Session<S> {
+impl<S: Board> Session<S> {
+    /// Ticks of a millisecond.
+    pub const MS: u64 = S::LIMITS.ticks_per_second as u64 / 1000;
+
+    /// Ticks of a byte at 250,000 baud.
+    pub const BYTE: u64 = S::LIMITS.ticks_per_second as u64 / BYTES_PER_SECOND;
+
     /// A board that has just been switched on, interlock closed and camera ready.
     pub fn new(mut board: S) -> Self {
-        board.drive(Pin::D2, false);
-        board.drive(Pin::D3, false);
-        board.drive(Pin::D4, true);
-        board.drive(Pin::D8, false);
+        board.prepare();
         Self {
             board,
             number: 0,
@@ -91,14 +159,14 @@ impl<S: Simulator> Session<S> {
             events: Vec::new(),
             replies: Vec::new(),
             garbled: 0,
-            limits: Limits::UNO,
+            limits: S::LIMITS,
         }
     }
 
-    /// Run for so many cycles.
-    pub fn run_for(&mut self, cycles: u64) {
-        let until = self.board.cycle() + cycles;
-        let bytes = self.board.run(until);
+    /// Run for so many ticks.
+    pub fn run_for(&mut self, ticks: u64) {
+        let until = self.board.time() + ticks;
+        let bytes = self.board.run_to(until);
         self.hear(&bytes);
     }
 
@@ -126,7 +194,7 @@ impl<S: Simulator> Session<S> {
         let number = self.number;
         self.number = number.wrapping_add(1);
         let frame = frame::encode(&Request { number, command }).expect("requests fit a frame");
-        self.board.send(&frame);
+        self.board.put(&frame);
         number
     }
 
@@ -135,17 +203,17 @@ impl<S: Simulator> Session<S> {
     /// # Panics
     /// When the simulated processor has stopped.
     pub fn answer(&mut self, number: u8) -> Option<Reply> {
-        let end = self.board.cycle() + PATIENCE;
+        let end = self.board.time() + PATIENCE * Self::MS;
         loop {
             if let Some(at) = self.replies.iter().position(|(n, _)| *n == number) {
                 return Some(self.replies.remove(at).1);
             }
-            let before = self.board.cycle();
+            let before = self.board.time();
             if before >= end {
                 return None;
             }
-            self.run_for(MS);
-            assert!(self.board.cycle() > before, "the simulated processor has stopped");
+            self.run_for(Self::MS);
+            assert!(self.board.time() > before, "the simulated processor has stopped");
         }
     }
 
@@ -221,41 +289,41 @@ impl<S: Simulator> Session<S> {
         assert_eq!(self.ask(Command::Start), Reply::Done);
     }
 
-    /// Run for so many cycles with the line to the board never silent: rubbish, and among it a
+    /// Run for so many ticks with the line to the board never silent: rubbish, and among it a
     /// request for the status every 20 ms. Answers are dropped.
     ///
     /// For a board whose line one can fill beforehand.
-    pub fn run_flooded(&mut self, cycles: u64, random: &mut Random) {
-        const STEP: u64 = 10 * MS;
-        let end = self.board.cycle() + cycles;
-        let mut filled = self.board.cycle();
-        while self.board.cycle() < end {
-            let rubbish = 2 * STEP / CYCLES_PER_BYTE;
-            while filled < self.board.cycle() + 2 * STEP {
+    pub fn run_flooded(&mut self, ticks: u64, random: &mut Random) {
+        let step = 10 * Self::MS;
+        let end = self.board.time() + ticks;
+        let mut filled = self.board.time();
+        while self.board.time() < end {
+            let rubbish = 2 * step / Self::BYTE;
+            while filled < self.board.time() + 2 * step {
                 let bytes: Vec<u8> = (0..rubbish).map(|_| random.bits() as u8).collect();
-                self.board.send(&bytes);
+                self.board.put(&bytes);
                 // Ends the rubbish, so that the request counts.
-                self.board.send(&[0]);
+                self.board.put(&[0]);
                 let _ = self.say(Command::Status);
-                filled += (rubbish + 8) * CYCLES_PER_BYTE;
+                filled += (rubbish + 8) * Self::BYTE;
             }
-            self.run_for(STEP);
+            self.run_for(step);
         }
         // Let the line drain; what got lost in the rubbish must not matter.
-        self.run_for(filled.saturating_sub(self.board.cycle()) + 10 * MS);
+        self.run_for(filled.saturating_sub(self.board.time()) + 10 * Self::MS);
         self.replies.clear();
         self.hello();
     }
 
     /// Run until the board says that it is done, asking now and then.
     pub fn finish(&mut self, patience: u64) -> Status {
-        let end = self.board.cycle() + patience;
+        let end = self.board.time() + patience;
         loop {
-            self.run_for((patience / 100).max(100 * MS));
+            self.run_for((patience / 100).max(100 * Self::MS));
             let status = self.status();
-            if status.state != State::Running || self.board.cycle() > end {
+            if status.state != State::Running || self.board.time() > end {
                 // The last events.
-                self.run_for(20 * MS);
+                self.run_for(20 * Self::MS);
                 return status;
             }
         }
@@ -295,15 +363,25 @@ impl<S: Simulator> Session<S> {
 /// When the test cannot find out where it is.
 #[must_use]
 pub fn image() -> PathBuf {
-    let built = || {
-        let program = std::env::current_exe().expect("a test knows where it is");
-        let target = program.ancestors().nth(3).expect("<target>/<profile>/deps/<test>");
-        target.join("firmware").join("uno.elf")
-    };
-    std::env::var_os("PHASEWALK_UNO").map_or_else(built, PathBuf::from)
+    std::env::var_os("PHASEWALK_UNO").map_or_else(|| built("uno.elf"), PathBuf::from)
 }
 
-/// The pin of a channel.
+/// The same for the STM32F405; `PHASEWALK_F405` names another.
+///
+/// # Panics
+/// When the test cannot find out where it is.
+#[must_use]
+pub fn f405_image() -> PathBuf {
+    std::env::var_os("PHASEWALK_F405").map_or_else(|| built("f405.elf"), PathBuf::from)
+}
+
+fn built(name: &str) -> PathBuf {
+    let program = std::env::current_exe().expect("a test knows where it is");
+    let target = program.ancestors().nth(3).expect("<target>/<profile>/deps/<test>");
+    target.join("firmware").join(name)
+}
+
+/// The Uno's pin of a channel.
 #[must_use]
 pub fn pin_of(channel: Channel) -> Pin {
     match channel {
@@ -319,9 +397,18 @@ pub fn pin_of(channel: Channel) -> Pin {
 /// When the plan is too dense.
 #[must_use]
 pub fn planned(plan: &Plan) -> Vec<Edge> {
+    planned_on(&Limits::UNO, plan)
+}
+
+/// The same on a board with these limits, in its ticks.
+///
+/// # Panics
+/// When the plan is too dense.
+#[must_use]
+pub fn planned_on(limits: &Limits, plan: &Plan) -> Vec<Edge> {
     let mut edges = Vec::new();
     let compiled = Compiled::new(plan).expect("the plan fits");
-    rehearse(&Limits::UNO, &compiled, |rehearsed| edges.push(rehearsed.edge))
+    rehearse(limits, &compiled, |rehearsed| edges.push(rehearsed.edge))
         .expect("the plan can be made");
     edges.sort_by_key(|edge| (edge.channel, edge.tick));
     edges
@@ -334,16 +421,41 @@ pub fn planned(plan: &Plan) -> Vec<Edge> {
 /// When the number of edges, or what one is, is not as planned.
 #[must_use]
 pub fn deviations(edges: &[PinEdge], plan: &Plan) -> Vec<i64> {
+    let of = |channel| edges.iter().filter(move |edge| edge.pin == pin_of(channel));
+    beside(&Limits::UNO, plan, |channel| of(channel).map(|edge| (edge.cycle, edge.level)).collect())
+}
+
+/// The STM32F405's pin of a channel.
+#[must_use]
+pub fn f405_pin_of(channel: Channel) -> f405::Pin {
+    match channel {
+        Channel::Laser => f405::Pin::LASER,
+        Channel::Camera => f405::Pin::CAMERA,
+        Channel::Stimulus => f405::Pin::STIMULUS,
+    }
+}
+
+/// [`deviations`] for the STM32F405, in its ticks.
+///
+/// # Panics
+/// When the number of edges, or what one is, is not as planned.
+#[must_use]
+pub fn f405_deviations(edges: &[f405::PinEdge], plan: &Plan) -> Vec<i64> {
+    let of = |channel| edges.iter().filter(move |edge| edge.pin == f405_pin_of(channel));
+    beside(&Limits::F405, plan, |channel| of(channel).map(|edge| (edge.tick, edge.high)).collect())
+}
+
+/// How far the edges that were made, (tick, level) of each channel, lie beside the plan.
+fn beside(limits: &Limits, plan: &Plan, made: impl Fn(Channel) -> Vec<(u64, bool)>) -> Vec<i64> {
     let mut deviations = Vec::new();
-    let planned = planned(plan);
+    let planned = planned_on(limits, plan);
     for channel in Channel::ALL {
-        let pin = pin_of(channel);
-        let made: Vec<&PinEdge> = edges.iter().filter(|edge| edge.pin == pin).collect();
+        let made = made(channel);
         let planned: Vec<&Edge> = planned.iter().filter(|edge| edge.channel == channel).collect();
         assert_eq!(made.len(), planned.len(), "edges of {channel:?}");
-        for (made, planned) in made.iter().zip(&planned) {
-            assert_eq!(made.level, planned.high, "level of {channel:?} at {}", made.cycle);
-            deviations.push(made.cycle as i64 - planned.tick as i64);
+        for ((tick, high), planned) in made.into_iter().zip(planned) {
+            assert_eq!(high, planned.high, "level of {channel:?} at {tick}");
+            deviations.push(tick as i64 - planned.tick as i64);
         }
     }
     let zero = deviations.first().copied().unwrap_or(0);

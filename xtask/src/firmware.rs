@@ -20,7 +20,21 @@ pub(crate) fn build() -> Result {
     fs::create_dir_all(&folder).map_err(|e| format!("cannot make {}: {e}", folder.display()))?;
     uno::build(&folder)?;
     f405::build(&folder)?;
+    defmt_lines(&folder)?;
     emulated_board(&folder)
+}
+
+/// The reader of what the STM32F405 logs.
+fn defmt_lines(folder: &Path) -> Result {
+    let build = folder.join("build");
+    let arguments = "build --release --locked --manifest-path tests/defmt-lines/Cargo.toml";
+    run(cargo(arguments).arg("--target-dir").arg(&build))?;
+    copy(&build.join("release").join("defmt-lines"), &folder.join("defmt-lines"))
+}
+
+fn copy(from: &Path, to: &Path) -> Result {
+    fs::copy(from, to).map_err(|e| format!("cannot copy {}: {e}", from.display()))?;
+    Ok(())
 }
 
 /// The emulated board, as `--port sim:` starts it.
@@ -30,7 +44,5 @@ fn emulated_board(folder: &Path) -> Result {
         "build --release -p phasewalk-tests --features emulated-boards --bin emulated-board";
     run(&mut cargo(build))?;
     let built = folders::target()?.join("release").join("emulated-board");
-    let copy = folder.join("emulated-board");
-    fs::copy(&built, &copy).map_err(|e| format!("cannot copy {}: {e}", built.display()))?;
-    Ok(())
+    copy(&built, &folder.join("emulated-board"))
 }

@@ -5,16 +5,20 @@ use super::certificate::{Certificate, certify};
 use super::ledger::Doses;
 use super::limits::{Emission, LimitsFile, Source};
 use super::plan_file::Loaded;
-use super::units::{figures, milliseconds, seconds};
+use super::units::{exact, figures, milliseconds, seconds};
 use crate::error::{Error, Result};
 use phasewalk_firmware::channel::Channel;
 use phasewalk_firmware::check::{Rule, Violation, check};
-use phasewalk_firmware::compiled::Compiled;
+use phasewalk_firmware::compiled::{Compiled, MAX_BYTES};
 use phasewalk_firmware::limits::Limits;
 use phasewalk_firmware::plan::Plan;
 
 /// A longer run is refused: rehearsing every pass of it would take minutes. A week at 16 MHz.
 const LONGEST_S: f64 = 7.0 * 24.0 * 3600.0;
+
+/// Why a board without one refuses a plan with a frame clock.
+pub const NO_FRAME_CLOCK: &str = "the board makes no frame clock: take one that does (STM32F405, \
+                                  --board f405), or camera.frame_clock = \"camera\"";
 
 /// A plan that has passed every check, ready to be sent.
 #[derive(Debug, Clone)]
@@ -53,7 +57,7 @@ pub fn check_plan(
     plan.caps = limits.caps(&plan, board);
     check(&plan, board).map_err(|violation| about(broken(&violation, limits, board)))?;
     short_enough(&plan, board).map_err(about)?;
-    let compiled = Compiled::new(&plan).ok_or_else(|| about("too large for the board".into()))?;
+    let compiled = compile(&plan, board).map_err(about)?;
     let per_second = f64::from(board.ticks_per_second);
     let window = (limits.laser.duty_window_s * per_second).round().max(1.0);
     let certificate =
@@ -68,9 +72,30 @@ pub fn check_plan(
     Ok(Checked { plan, compiled, certificate, budget, warnings, limits })
 }
 
+/// The bytes of a plan, if the board holds as many.
+///
+/// # Errors
+/// When they are too many, with the figures.
+pub fn compile(plan: &Plan, board: &Limits) -> std::result::Result<Compiled, String> {
+    let most = board.plan_bytes();
+    let compiled = Compiled::new(plan);
+    let bytes = compiled.as_ref().map(|compiled| compiled.bytes().len());
+    if let Some(compiled) = compiled.filter(|compiled| compiled.bytes().len() <= most) {
+        return Ok(compiled);
+    }
+    let bytes = bytes.map_or_else(|| format!("more than {MAX_BYTES}"), |bytes| bytes.to_string());
+    Err(format!(
+        "the compiled plan takes {bytes} bytes; at most {most} fit the board: take round times, or \
+         leave a table out"
+    ))
+}
+
 /// A broken rule in one line, times in milliseconds and ticks.
 #[must_use]
 pub fn broken(violation: &Violation, limits: &LimitsFile, board: &Limits) -> String {
+    if let Some(words) = extended(violation, board) {
+        return words;
+    }
     let Violation { rule, value, limit } = violation;
     let least = if rule.is_minimum() { "at least" } else { "at most" };
     let amount = |ticks: u64| {
@@ -88,6 +113,37 @@ pub fn broken(violation: &Violation, limits: &LimitsFile, board: &Limits) -> Str
         _ => String::new(),
     };
     format!("{} is {}; {least} {} allowed{whose}", rule.subject(), amount(*value), amount(*limit))
+}
+
+/// The rules of frame clock and phase limit, with the keys of the plan and what to do.
+fn extended(violation: &Violation, board: &Limits) -> Option<String> {
+    let per_second = board.ticks_per_second;
+    let Violation { rule, value, limit } = *violation;
+    let clock = |side: &str, hertz: &str| {
+        format!(
+            "camera.frame_rate: the period of the frame clock is {} ({value} ticks); at {side} {} \
+             ({limit} ticks) allowed: take {hertz} {} Hz",
+            exact(value, per_second),
+            exact(limit, per_second),
+            figures(f64::from(per_second) / limit as f64)
+        )
+    };
+    match rule {
+        Rule::FrameLong if limit == 0 => Some(format!("camera.frame_clock: {NO_FRAME_CLOCK}")),
+        Rule::FrameLong => Some(clock("most", "at least")),
+        Rule::FrameShort => Some(clock("least", "at most")),
+        Rule::FramePulse => Some(format!(
+            "camera.pulse and the frames of a sweep differ by {} ({value} ticks): with \
+             camera.frame_clock = \"board\" leave camera.pulse out",
+            exact(value, per_second)
+        )),
+        Rule::PhaseLimit => Some(
+            "[phase_limit]: the board has no on-line solver: take one that has (STM32F405, --board \
+             f405), or leave the table out"
+                .to_owned(),
+        ),
+        _ => None,
+    }
 }
 
 /// A limit of the laboratory that is exceeded, in one line.
@@ -206,6 +262,38 @@ mod tests {
                 assert!(message.contains(word), "{settings:?}: {message}");
             }
         }
+    }
+
+    #[test]
+    fn what_the_board_lacks_is_named_with_what_to_do() {
+        let limits = LimitsFile::example().unwrap();
+        let words =
+            |rule, value, limit| broken(&Violation { rule, value, limit }, &limits, &Limits::F405);
+        let on_uno = |settings: &[&str]| refused(settings);
+        let limit = ["phase_limit.radians=2", "phase_limit.action=stop"];
+        assert!(on_uno(&limit).contains("[phase_limit]: the board has no on-line solver"));
+        assert!(words(Rule::FrameLong, 1400, 0).contains("camera.frame_clock = \"camera\""));
+        let slow = words(Rule::FrameLong, 84_000, 65_535);
+        assert!(slow.contains("1 ms (84000 ticks)") && slow.contains("at least 1282 Hz"), "{slow}");
+        let fast = words(Rule::FrameShort, 420, 840);
+        assert!(fast.contains("at most 100000 Hz"), "{fast}");
+        assert!(words(Rule::FramePulse, 84, 0).contains("camera.pulse"));
+    }
+
+    #[test]
+    fn a_plan_must_fit_the_board() {
+        let odd = |text: &str| format!("{text}=7.1234567ms");
+        let settings = ["laser.delay", "camera.delay", "stimulus.delay"].map(odd).to_vec();
+        let plan = load("triples", &settings, &Limits::UNO).unwrap().plan;
+        let bytes = compile(&plan, &Limits::UNO).unwrap().bytes().len();
+        assert!(bytes <= Limits::UNO.plan_bytes(), "{bytes}");
+        let mut long = plan;
+        (long.repeats, long.repeat_period) = (u16::MAX, u64::MAX);
+        (long.interval, long.caps.laser_total, long.caps.stimulus_total) =
+            (u64::MAX, u64::MAX, u64::MAX);
+        let message = compile(&long, &Limits::UNO).unwrap_err();
+        assert!(message.contains("at most 80 fit the board"), "{message}");
+        assert!(compile(&long, &Limits::F405).is_ok());
     }
 
     #[test]

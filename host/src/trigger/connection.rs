@@ -22,8 +22,8 @@ pub struct Connection {
 }
 
 impl Connection {
-    /// Open `port`: a device file, `sim:` or `sim:IMAGE` for an emulated board, or the one port
-    /// that may have a board. An emulated board gets the `jumpers` (such as `D9-D8`) that a person
+    /// Open `port`: a device file, `sim:`, `sim:f405` or `sim:IMAGE` for an emulated board, or the
+    /// one port that may have a board. An emulated board gets the `jumpers` (such as `D9-D8`) that a person
     /// puts on a real one.
     ///
     /// # Errors

@@ -10,6 +10,8 @@ use serde::{Deserialize, Serialize};
 /// The edges of a plan, made by the board's own code; ticks count from the run's time zero.
 #[derive(Debug, Clone)]
 pub struct Expected {
+    /// How many the plan has.
+    planned: u64,
     /// Of each channel in the order of time; a sweep has two of the laser and two of the camera.
     edges: [Vec<Edge>; Channel::ALL.len()],
 }
@@ -40,7 +42,17 @@ impl Expected {
             sweep.edges(plan, 0).into_iter().for_each(&mut keep);
         }
         std::iter::from_fn(|| light.next(plan, 0)).for_each(keep);
-        Self { edges }
+        let planned = edges.iter().map(|edges| edges.len() as u64).sum();
+        Self { planned, edges }
+    }
+
+    /// The light ends at this tick and does not come back.
+    pub fn end_light(&mut self, tick: u64) {
+        let Some(light) = self.edges.get_mut(Channel::Stimulus.index()) else { return };
+        light.retain(|edge| edge.tick < tick);
+        if light.last().is_some_and(|last| last.high) {
+            light.push(Edge::fall(Channel::Stimulus, tick));
+        }
     }
 
     /// The edges of one channel.
@@ -96,7 +108,7 @@ impl Expected {
         let first = first.min_by_key(|(tick, _)| *tick);
         Comparison {
             made: made.len() as u64,
-            planned: self.edges.iter().map(|edges| edges.len() as u64).sum(),
+            planned: self.planned,
             deviation: first.map(|(_, words)| words),
         }
     }
@@ -244,6 +256,19 @@ mod tests {
         let mut more = good.clone();
         more.push(Edge::rise(Channel::Laser, 1 << 40));
         assert!(expected.compare(&more, 1000, true).deviation.unwrap().contains("not in the plan"));
+    }
+
+    #[test]
+    fn light_that_was_ended_is_not_missed() {
+        // Pulses of 100,000 every 200,000 from 400,007 on, in both repeats.
+        for (tick, edges) in [(400_000, 0), (450_000, 2), (500_007, 2), (650_000, 4), (1 << 40, 20)]
+        {
+            let mut expected = Expected::of(&plan());
+            expected.end_light(tick);
+            let light = expected.channel(Channel::Stimulus);
+            assert_eq!(light.len(), edges, "{tick}");
+            assert!(light.last().is_none_or(|last| !last.high && last.tick <= tick));
+        }
     }
 
     #[test]

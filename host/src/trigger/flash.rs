@@ -1,26 +1,43 @@
 //! Writing the firmware into the board: the image, the tool, and whether it arrived.
+//!
+//! | board | image | tool |
+//! |---|---|---|
+//! | Arduino Uno | Intel HEX | avrdude, by the boot loader at the serial port |
+//! | STM32F405 | bytes from 0x08000000 | dfu-util, by the boot loader in ROM at the USB |
+
+mod tool;
 
 use super::emulated::built;
 use super::words;
 use crate::error::{Error, Result};
 use phasewalk_firmware::compiled::Hasher;
 use phasewalk_firmware::message::Hello;
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
-
-/// The tool that speaks to an Uno's boot loader.
-const TOOL: &str = "avrdude";
 
 /// What the boot loader leaves of the Uno's 32 KiB.
 const ROOM: usize = 0x7E00;
 
+/// Program memory of the STM32F405: where it begins, and its size.
+const F405_FLASH: usize = 0x0800_0000;
+const F405_ROOM: usize = 1 << 20;
+
 /// What flash memory holds where nothing was written.
 const ERASED: u8 = 0xFF;
 
-/// An image as it will lie in the program memory, from address 0.
+/// The board that is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Target {
+    /// Arduino Uno.
+    Uno,
+    /// STM32F405.
+    F405,
+}
+
+/// An image as it will lie in the program memory, from its beginning.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Image {
+    /// For which board.
+    pub target: Target,
     /// The file it came from.
     pub path: PathBuf,
     /// Its bytes; gaps are 0xFF, as erased memory.
@@ -28,16 +45,25 @@ pub struct Image {
 }
 
 impl Image {
-    /// Read an Intel HEX file; without a name, the image of the Uno that was built last.
+    /// Read an image, Intel HEX for the Uno and plain bytes for the STM32F405; without a name, the
+    /// one that was built last.
     ///
     /// # Errors
     /// When it cannot be found or read, or is damaged or too large.
-    pub fn read(path: Option<&Path>) -> Result<Self> {
-        let path = path.map_or_else(|| built("uno.hex"), |path| Ok(path.to_owned()))?;
-        let text = std::fs::read_to_string(&path)
+    pub fn read(target: Target, path: Option<&Path>) -> Result<Self> {
+        let name = match target {
+            Target::Uno => "uno.hex",
+            Target::F405 => "f405.bin",
+        };
+        let path = path.map_or_else(|| built(name), |path| Ok(path.to_owned()))?;
+        let file = std::fs::read(&path)
             .map_err(|error| Error::file(&path, format!("cannot be read: {error}")))?;
-        let bytes = parse(&text).map_err(|what| Error::file(&path, what))?;
-        Ok(Self { path, bytes })
+        let bytes = match target {
+            Target::Uno => parse(&String::from_utf8_lossy(&file)),
+            Target::F405 => plain(file),
+        };
+        let bytes = bytes.map_err(|what| Error::file(&path, what))?;
+        Ok(Self { target, path, bytes })
     }
 
     /// CRC-32 of all bytes.
@@ -80,37 +106,21 @@ impl Image {
             words::hex(ours)
         )))
     }
+}
 
-    /// The command that writes it to the board at `port`.
-    #[must_use]
-    pub fn command(&self, port: &str) -> Vec<String> {
-        let write = format!("flash:w:{}:i", self.path.display());
-        let fixed = [TOOL, "-p", "m328p", "-c", "arduino", "-P", port, "-b", "115200", "-D", "-U"];
-        fixed.into_iter().map(str::to_owned).chain([write]).collect()
+/// The bytes themselves, if they can be a program of the STM32F405.
+fn plain(bytes: Vec<u8>) -> std::result::Result<Vec<u8>, String> {
+    if bytes.len() > F405_ROOM {
+        return Err(format!("{} bytes: the STM32F405 has room for {F405_ROOM}", bytes.len()));
     }
-
-    /// Run that command; what the tool says goes to standard error.
-    ///
-    /// # Errors
-    /// When the tool is missing or fails.
-    pub fn write(&self, port: &str) -> Result<()> {
-        let command = self.command(port);
-        let (tool, arguments) =
-            command.split_first().map_or((TOOL, &[][..]), |(t, a)| (t.as_str(), a));
-        let outcome = Command::new(tool).args(arguments).stdout(Stdio::null()).status();
-        match outcome {
-            Ok(status) if status.success() => Ok(()),
-            Ok(status) => Err(Error::failed(format!(
-                "{TOOL} failed ({status}): is {port} the board's port, and does no other program \
-                 use it?"
-            ))),
-            Err(error) if error.kind() == ErrorKind::NotFound => Err(Error::failed(format!(
-                "{TOOL} is not installed: `sudo apt install {TOOL}` (Debian, Ubuntu) or `brew \
-                 install {TOOL}` (macOS)"
-            ))),
-            Err(error) => Err(Error::failed(format!("{TOOL}: {error}"))),
-        }
+    // It begins with the stack's end and the address of the first instruction.
+    let first = bytes.get(4..8).and_then(|word| word.try_into().ok()).map(u32::from_le_bytes);
+    let flash = F405_FLASH..F405_FLASH + bytes.len();
+    if first.is_some_and(|first| flash.contains(&(first as usize))) {
+        return Ok(bytes);
     }
+    Err("no image of the STM32F405: give the plain bytes that lie from 0x08000000 on (f405.bin)"
+        .to_owned())
 }
 
 /// The bytes of an Intel HEX file.
@@ -207,7 +217,8 @@ mod tests {
         let text = ":0400000001020304F2\n:02000600AABB93\n:00000001FF\n";
         let bytes = parse(text).unwrap();
         assert_eq!(bytes, [1, 2, 3, 4, 0xFF, 0xFF, 0xAA, 0xBB]);
-        let image = Image { path: PathBuf::from("a.hex"), bytes: bytes.clone() };
+        let path = PathBuf::from("a.hex");
+        let image = Image { target: Target::Uno, path, bytes: bytes.clone() };
         assert_eq!(image.hash(), hash(&bytes));
         let padded = [&bytes[..], &[0xFF, 0xFF]].concat();
         assert_eq!(image.hash_over(10), hash(&padded));
@@ -229,5 +240,19 @@ mod tests {
             let found = parse(&text).unwrap_err();
             assert!(found.contains(words), "{text}: {found}");
         }
+    }
+
+    #[test]
+    fn a_program_of_the_f405_starts_in_its_flash() {
+        let image = |first: u32| {
+            let words = [0x2002_0000_u32, first].map(u32::to_le_bytes).concat();
+            plain([words, vec![0; 8]].concat())
+        };
+        assert_eq!(image(0x0800_0009).unwrap().len(), 16);
+        for wrong in [0, 0x0800_0010, 0x2000_0001] {
+            assert!(image(wrong).unwrap_err().contains("f405.bin"));
+        }
+        assert!(plain(b"\x7fELF".to_vec()).is_err());
+        assert!(plain(vec![0; F405_ROOM + 1]).unwrap_err().contains("room"));
     }
 }

@@ -6,6 +6,8 @@
 //! {"record":"started", …}      the plan's time zero
 //! {"record":"edge",    …}      an output changed and was read back
 //! {"record":"exposed", …}      the camera's EXPOSE output rose
+//! {"record":"phase",   …}      the on-line solver has solved a volume
+//! {"record":"crossed", …}      the phase has left its bounds, and the run goes on
 //! {"record":"clock",   …}      the board's clock beside the host's
 //! {"record":"lost",    …}      events that did not arrive
 //! {"record":"note",    …}      what a reader should know
@@ -16,6 +18,7 @@
 //! Each tick is one of the board's clock, 64 bits, since the board's start. `docs/run-log.md`
 //! describes every field.
 
+pub mod phase;
 pub mod read;
 pub mod statistics;
 pub mod table;
@@ -25,11 +28,12 @@ pub mod write;
 use super::clock::{Fit, Sample};
 use super::expected::{Comparison, Expected};
 use super::words;
+use phase::Phase;
 use phasewalk_firmware::channel::{Channel, Edge};
 use phasewalk_firmware::fault::Fault;
 use phasewalk_firmware::limits::Limits;
 use phasewalk_firmware::message::{Hello, Model};
-use phasewalk_firmware::plan::Plan;
+use phasewalk_firmware::plan::{Action, Plan};
 use serde::{Deserialize, Serialize};
 use times::VolumeTimes;
 
@@ -97,18 +101,7 @@ pub enum Record {
         tick: u64,
     },
     /// The board's on-line solver has solved a volume.
-    Phase {
-        /// Number of the volume in its series.
-        volume: u32,
-        /// Its phase, in radians.
-        phase_rad: f32,
-        /// Standard deviation of the phase, in radians.
-        sigma_rad: f32,
-        /// How long the solver took, in ticks.
-        took: u32,
-        /// When the host read it, in seconds after the log began.
-        host_s: f64,
-    },
+    Phase(Phase),
     /// The phase has left its bounds, and the run goes on.
     Crossed {
         /// In ticks.
@@ -256,6 +249,10 @@ pub struct RunLog {
     pub edges: Vec<Edge>,
     /// EXPOSE edges: tick and volume.
     pub exposures: Vec<(u64, Option<u32>)>,
+    /// What the on-line solver said of the volumes.
+    pub phases: Vec<Phase>,
+    /// When the phase left its bounds and the run went on, in ticks.
+    pub crossed: Option<u64>,
     /// The board's clock beside the host's.
     pub clock: Vec<Sample>,
     /// Events that did not arrive.
@@ -281,6 +278,8 @@ impl RunLog {
             start: None,
             edges: Vec::new(),
             exposures: Vec::new(),
+            phases: Vec::new(),
+            crossed: None,
             clock: Vec::new(),
             lost: 0,
             notes: Vec::new(),
@@ -304,7 +303,8 @@ impl RunLog {
             Record::Clock(sample) => self.clock.push(*sample),
             Record::Lost { events, .. } => self.lost = self.lost.saturating_add(*events),
             Record::Note { text, .. } => self.notes.push(text.clone()),
-            Record::Phase { .. } | Record::Crossed { .. } => {}
+            Record::Phase(phase) => self.phases.push(*phase),
+            Record::Crossed { tick } => self.crossed = Some(*tick),
             Record::Fault { fault, tick, .. } => self.fault = Some((*fault, *tick)),
             Record::Finished { tick } => self.finished = Some(*tick),
             Record::Summary(summary) => self.summary = Some((**summary).clone()),
@@ -324,11 +324,23 @@ impl RunLog {
         self.compare(self.finished.is_some() || ending == Some(Ending::Finished))
     }
 
-    /// The edges beside those of the plan: all of them, or those of a run that ended early.
+    /// The edges beside those of the plan: all of them, or those of a run that ended early. Light
+    /// that the plan's phase limit has ended is not missed.
     #[must_use]
     pub fn compare(&self, whole: bool) -> Comparison {
-        let expected = Expected::of(&self.header.plan);
-        expected.compare(&self.edges, self.start.unwrap_or(0), whole)
+        let start = self.start.unwrap_or(0);
+        let mut expected = Expected::of(&self.header.plan);
+        if let Some(tick) = self.light_ended() {
+            expected.end_light(tick.saturating_sub(start));
+        }
+        expected.compare(&self.edges, start, whole)
+    }
+
+    /// When the plan's phase limit ended the stimulus, in ticks.
+    #[must_use]
+    pub fn light_ended(&self) -> Option<u64> {
+        let limit = self.header.plan.phase_limit?;
+        self.crossed.filter(|_| limit.action == Action::Stimulus)
     }
 
     /// Ticks of one kind of edge.

@@ -26,6 +26,8 @@ pub mod preview;
 mod reader;
 pub mod run;
 pub mod selftest;
+pub mod solve;
+pub mod speckles;
 pub mod summary;
 pub mod units;
 pub mod words;

@@ -10,15 +10,21 @@
 //! [stimulus]
 //! volume = 5                  # counted from 0
 //! until = "end"               # of the last sweep
+//! [phase_limit]               # of the board's on-line solver
+//! radians = 2
+//! action = "stimulus"         # or "line", "stop"
 //! ```
 //!
 //! Times are rounded to the nearest tick of the board; what differs from what was asked is said.
 
+use super::check::NO_FRAME_CLOCK;
 use super::plan_values::{Entry, Place, Value, Values};
 use super::units::exact;
 use crate::error::{Error, Result};
 use phasewalk_firmware::limits::Limits;
-use phasewalk_firmware::plan::{Caps, Inputs, Interlock, MAX_SWEEPS, Plan, Pulse, Start, Stimulus};
+use phasewalk_firmware::plan::{
+    Action, Caps, Inputs, Interlock, MAX_SWEEPS, PhaseLimit, Plan, Pulse, Start, Stimulus,
+};
 use std::path::Path;
 
 /// The presets: name and text.
@@ -37,6 +43,8 @@ const IMAGES_PER_VOLUME: u64 = 512;
 const FRAME_RATE_HZ: f64 = 60_000.0;
 /// Longer times are refused: 101 days at 16 MHz, as far as the board's rules go.
 const LONGEST_TICKS: f64 = (1_u64 << 47) as f64;
+/// A silence of the solver from here on could not be told from none: half of what 32 bits count.
+const LONGEST_SILENCE: u64 = (1 << 31) - 1;
 /// A difference to whole ticks that is worth a word.
 const ROUNDED: f64 = 1e-3;
 
@@ -108,7 +116,12 @@ impl Assembly<'_> {
         let sweep = images as f64 / frame_rate_hz;
         plan.laser = self.pulse("laser.delay", "laser.pulse", sweep)?;
         plan.camera = self.pulse("camera.delay", "camera.pulse", CAMERA_PULSE_S)?;
+        plan.frame = self.frame(frame_rate_hz)?;
+        if plan.frame > 0 {
+            plan.camera.width = self.frames(&plan, images)?;
+        }
         plan.stimulus = self.stimulus(&plan)?;
+        plan.phase_limit = self.phase_limit()?;
         plan.caps = self.caps(&plan, images)?;
         let image_bits = self.image_bits()?;
         let Self { source, warnings, .. } = self;
@@ -184,6 +197,89 @@ impl Assembly<'_> {
             delay: self.narrow(delay, delay_ticks)?,
             width: self.narrow(width, width_ticks)?,
         })
+    }
+
+    /// Period of the board's frame clock in ticks; 0: the camera keeps its own.
+    fn frame(&self, rate_hz: f64) -> Result<u32> {
+        if self.word("camera.frame_clock", "camera") != "board" {
+            return Ok(0);
+        }
+        if self.limits.frame_longest == 0 {
+            return Err(self.wrong("camera.frame_clock", NO_FRAME_CLOCK));
+        }
+        let per_second = f64::from(self.limits.ticks_per_second);
+        let period = per_second / rate_hz;
+        let ticks = period.round();
+        if !(1.0..=f64::from(u32::MAX)).contains(&ticks) {
+            let what = "a frame clock of this rate cannot be made";
+            return Err(self.wrong("camera.frame_rate", what));
+        }
+        if (period - ticks).abs() > ROUNDED {
+            let near = [period.ceil(), period.floor().max(1.0)];
+            let [below, above] = near.map(|ticks| decimals(per_second / ticks));
+            let [longer, shorter] = near;
+            let what = format!(
+                "{} Hz is no whole number of the board's ticks ({per_second} per second), as its frame \
+                 clock needs: the nearest that are take {longer} ticks, {below} Hz, and {shorter} \
+                 ticks, {above} Hz",
+                decimals(rate_hz),
+            );
+            return Err(self.wrong("camera.frame_rate", &what));
+        }
+        Ok(ticks as u32)
+    }
+
+    /// The camera's pulse with a frame clock: as long as the images of a sweep.
+    fn frames(&self, plan: &Plan, images: u64) -> Result<u32> {
+        let ticks = images.saturating_mul(plan.frame.into());
+        let width = self.narrow("camera.images_per_volume", ticks)?;
+        if self.values.get("camera.pulse").is_some() && plan.camera.width != width {
+            let time = |ticks: u32| exact(ticks.into(), self.limits.ticks_per_second);
+            let what = format!(
+                "is {} ({} ticks), but camera.images_per_volume = {images} with camera.frame_clock = \
+                 \"board\" make {} ({width} ticks): leave camera.pulse out",
+                time(plan.camera.width),
+                plan.camera.width,
+                time(width)
+            );
+            return Err(self.wrong("camera.pulse", &what));
+        }
+        Ok(width)
+    }
+
+    fn phase_limit(&mut self) -> Result<Option<PhaseLimit>> {
+        if !self.values.has_table("phase_limit") {
+            return Ok(None);
+        }
+        let _ = self.required("phase_limit.action")?;
+        let action = match self.word("phase_limit.action", "stop") {
+            "line" => Action::Line,
+            "stimulus" => Action::Stimulus,
+            _ => Action::Stop,
+        };
+        let silence = self.time("phase_limit.silence", 0.0)?;
+        if silence > LONGEST_SILENCE {
+            let most = exact(LONGEST_SILENCE, self.limits.ticks_per_second);
+            return Err(self.wrong("phase_limit.silence", &format!("is longer than {most}")));
+        }
+        let milliradians = self.milliradians()?;
+        Ok(Some(PhaseLimit { milliradians, silence: silence as u32, action }))
+    }
+
+    fn milliradians(&mut self) -> Result<u32> {
+        let key = "phase_limit.radians";
+        let _ = self.required(key)?;
+        let radians = self.number(key).unwrap_or_default();
+        let asked = radians * 1e3;
+        if !(0.5..f64::from(u32::MAX)).contains(&asked) {
+            return Err(self.wrong(key, "must be 0.001 to 4294967"));
+        }
+        let milliradians = asked.round();
+        if (asked - milliradians).abs() > ROUNDED {
+            let rounded = milliradians / 1e3;
+            self.warnings.push(format!("{key} is rounded to {rounded} (asked: {radians})"));
+        }
+        Ok(milliradians as u32)
     }
 
     /// What is turned off is noted.
@@ -388,6 +484,12 @@ impl Assembly<'_> {
     }
 }
 
+/// So many that the number comes back as a whole number of ticks.
+fn decimals(hertz: f64) -> String {
+    let text = format!("{hertz:.6}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
 /// One volume per sweep.
 fn bursts(volumes: u64, sweeps: u64) -> std::result::Result<u16, String> {
     if volumes == 0 {
@@ -449,6 +551,82 @@ mod tests {
         assert!(start > plan.burst_offset(4) && start <= plan.burst_offset(5));
         assert_eq!(start + stimulus.on, plan.length());
         assert_eq!((plan.images(), plan.caps.camera_images), (35_840, 35_840));
+    }
+
+    fn f405(settings: &[&str]) -> Result<Loaded> {
+        let settings: Vec<String> = settings.iter().map(|&text| text.to_owned()).collect();
+        load("paper", &settings, &Limits::F405)
+    }
+
+    #[test]
+    fn a_frame_clock_makes_the_cameras_pulse() {
+        let plan = f405(&["camera.frame_clock=board"]).unwrap().plan;
+        assert_eq!((plan.frame, plan.camera.width, plan.laser.width), (1400, 716_800, 716_800));
+        let own = f405(&["camera.frame_clock=camera"]).unwrap().plan;
+        assert_eq!((own.frame, own.camera.width), (0, 8_400));
+        // The same pulse may be given.
+        let both = ["camera.frame_clock=board", "camera.pulse=8.533333333ms"];
+        assert_eq!(f405(&both).unwrap().plan, plan);
+        for (settings, words) in [
+            (&["camera.frame_clock=board", "camera.pulse=8ms"][..], ["672000", "716800"]),
+            (
+                &["camera.frame_clock=board", "camera.frame_rate=59kHz"],
+                ["1424 ticks", "1423 ticks"],
+            ),
+            (
+                &["camera.frame_clock=board", "camera.frame_rate=59kHz"],
+                ["58988.764045", "59030.217850"],
+            ),
+            (&["camera.frame_clock=maybe"], ["camera or board", "maybe"]),
+        ] {
+            let message = f405(settings).unwrap_err().to_string();
+            for word in words {
+                assert!(message.contains(word.trim_end_matches('0')), "{settings:?}: {message}");
+            }
+        }
+        // What is advised is taken.
+        let advised = ["camera.frame_clock=board", "camera.frame_rate=59030.21785Hz"];
+        assert_eq!(f405(&advised).unwrap().plan.frame, 1423);
+        assert!(refused(&["camera.frame_clock=board"]).contains("--board f405"));
+    }
+
+    #[test]
+    fn a_phase_has_a_limit() {
+        let limit = |settings: &[&str]| f405(settings).map(|loaded| loaded.plan.phase_limit);
+        let settings =
+            ["phase_limit.radians=2", "phase_limit.action=stimulus", "phase_limit.silence=5s"];
+        let expected =
+            PhaseLimit { milliradians: 2000, silence: 420_000_000, action: Action::Stimulus };
+        assert_eq!(limit(&settings).unwrap(), Some(expected));
+        assert_eq!(limit(&[]).unwrap(), None);
+        for (settings, words) in [
+            (&["phase_limit.radians=2"][..], ["phase_limit.action", "missing"]),
+            (&["phase_limit.action=stop"], ["phase_limit.radians", "missing"]),
+            (&["phase_limit.radians=0"], ["above 0", "radians=0"]),
+            (&["phase_limit.radians=-1"], ["above 0", "radians=-1"]),
+            (&["phase_limit.radians=1e7", "phase_limit.action=stop"], ["0.001", "4294967"]),
+            (&["phase_limit.action=on"], ["line or stimulus or stop", "on"]),
+            (&[settings[0], settings[1], "phase_limit.silence=26s"], ["longer than 25.56", "26s"]),
+        ] {
+            let message = f405(settings).unwrap_err().to_string();
+            for word in words {
+                assert!(message.contains(word), "{settings:?}: {message}");
+            }
+        }
+        let rounded = f405(&["phase_limit.radians=1.23456", settings[1]]).unwrap();
+        assert!(rounded.warnings.iter().any(|words| words.contains("1.235")), "{rounded:?}");
+    }
+
+    #[test]
+    fn faster_ticks_are_rounded_and_refused_as_others_are() {
+        let flicker = ["stimulus.flicker.frequency=10Hz", "stimulus.duration=2s", "interval=300ms"];
+        let stimulus = f405(&flicker).unwrap().plan.stimulus.unwrap();
+        assert_eq!((stimulus.pulses, stimulus.period, stimulus.on), (20, 8_400_000, 4_200_000));
+        for setting in ["laser.pulse=52s", "heartbeat=52s", "stimulus.flicker.period=52s"] {
+            let interval = ["interval=60s", "stimulus.duration=2h", setting];
+            let message = f405(&interval).unwrap_err().to_string();
+            assert!(message.contains("longer than 51.13"), "{setting}: {message}");
+        }
     }
 
     #[test]

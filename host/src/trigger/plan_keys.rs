@@ -13,6 +13,8 @@ pub enum Kind {
     Flag,
     /// A number between 0 and 1.
     Share,
+    /// A number above 0.
+    Positive,
     /// One of these words.
     Choice(&'static [&'static str]),
     /// A time or a frequency, its unit at the end of the key.
@@ -58,7 +60,7 @@ const TIME: Kind = Kind::Quantity(Dimension::Time);
 const FREQUENCY: Kind = Kind::Quantity(Dimension::Frequency);
 
 /// All keys.
-pub const KEYS: [Key; 31] = [
+pub const KEYS: [Key; 35] = [
     key("name", Kind::Text),
     key("volumes", Kind::Count),
     key("interval", TIME),
@@ -69,6 +71,7 @@ pub const KEYS: [Key; 31] = [
     key("burst.spacing", Kind::Times),
     key("camera.images_per_volume", Kind::Count),
     key("camera.frame_rate", FREQUENCY),
+    key("camera.frame_clock", Kind::Choice(&["camera", "board"])),
     key("camera.delay", TIME),
     key("camera.pulse", TIME),
     key("camera.memory_images", Kind::Count),
@@ -86,6 +89,9 @@ pub const KEYS: [Key; 31] = [
     either("stimulus.flicker.frequency", FREQUENCY, &["stimulus.flicker.period"]),
     either("stimulus.flicker.on", TIME, &["stimulus.flicker.duty"]),
     either("stimulus.flicker.duty", Kind::Share, &["stimulus.flicker.on"]),
+    key("phase_limit.radians", Kind::Positive),
+    key("phase_limit.action", Kind::Choice(&["line", "stimulus", "stop"])),
+    key("phase_limit.silence", TIME),
     key("inputs.interlock", Kind::Choice(&["on", "pulsed", "off"])),
     key("inputs.ready", Kind::Choice(&["on", "off"])),
     key("inputs.start", Kind::Choice(&["command", "external"])),

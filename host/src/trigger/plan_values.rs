@@ -16,7 +16,7 @@ pub enum Value {
     Flag(bool),
     /// A whole number.
     Count(u64),
-    /// Seconds, hertz or a share.
+    /// Seconds, hertz, radians or a share.
     Number(f64),
     /// Several times in seconds.
     List(Vec<f64>),
@@ -96,6 +96,12 @@ impl Values {
             self.entries.retain(|path, _| !path.starts_with("stimulus"));
         } else if key.path.starts_with("stimulus.") {
             let _ = self.entries.remove("stimulus");
+        } else if key.path == "camera.frame_clock" && value == Value::Word("board".to_owned()) {
+            // The file's pulse was made for the camera's own clock; one of `--set` is meant.
+            let of_file = |entry: &Entry| matches!(entry.place, Place::Line(..));
+            if self.entries.get("camera.pulse").is_some_and(of_file) {
+                let _ = self.entries.remove("camera.pulse");
+            }
         }
         let _ = self.entries.insert(key.path, Entry { value, place });
         Ok(())
@@ -238,7 +244,7 @@ fn from_text(kind: Kind, text: &str) -> std::result::Result<Value, String> {
         Kind::Text | Kind::Choice(_) => Ok(Value::Word(text.to_owned())),
         Kind::Flag => text.parse().map(Value::Flag).map_err(|_| expected(kind)),
         Kind::Count => text.parse().map(Value::Count).map_err(|_| expected(kind)),
-        Kind::Share => plain_number(text).map(Value::Number),
+        Kind::Share | Kind::Positive => plain_number(text).map(Value::Number),
         Kind::Quantity(dimension) => parse(text, dimension).map(Value::Number),
         Kind::TimeOrOff if text == "off" => Ok(Value::Number(0.0)),
         Kind::TimeOrOff => parse(text, Dimension::Time).map(Value::Number),
@@ -260,6 +266,7 @@ fn expected(kind: Kind) -> String {
         Kind::Count => "give a whole number from 0 on".to_owned(),
         Kind::Flag => "give true or false".to_owned(),
         Kind::Share => "give a number between 0 and 1".to_owned(),
+        Kind::Positive => "give a number above 0".to_owned(),
         Kind::Choice(words) => format!("give {}", words.join(" or ")),
         Kind::Quantity(dimension) => format!("give a number of {}", names(dimension)),
         Kind::Times => "give a time, or a list of times".to_owned(),
@@ -273,6 +280,7 @@ fn checked(key: &Key, value: Value) -> std::result::Result<Value, String> {
     let allowed = match (&value, key.kind) {
         (Value::Word(word), Kind::Choice(words)) => words.contains(&word.as_str()),
         (Value::Number(number), Kind::Share) => fine(number) && *number <= 1.0,
+        (Value::Number(number), Kind::Positive) => fine(number) && *number > 0.0,
         (Value::Number(number), _) => fine(number),
         (Value::List(list), _) => !list.is_empty() && list.iter().all(fine),
         _ => true,
@@ -282,7 +290,7 @@ fn checked(key: &Key, value: Value) -> std::result::Result<Value, String> {
     }
     match (&value, key.kind) {
         (Value::Word(word), kind) => Err(format!("'{word}': {}", expected(kind))),
-        (Value::Number(_), Kind::Share) => Err(expected(key.kind)),
+        (Value::Number(_), Kind::Share | Kind::Positive) => Err(expected(key.kind)),
         _ => Err("a time or frequency must be finite and not negative".to_owned()),
     }
 }

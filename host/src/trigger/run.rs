@@ -10,6 +10,7 @@
 
 pub mod job;
 pub mod recorder;
+pub mod stream;
 
 use super::failure::{self, Failure};
 use super::link::{Heard, Link};
@@ -23,6 +24,7 @@ use phasewalk_firmware::message::{Command, Event, Refusal, State, Status};
 use phasewalk_firmware::plan::{Plan, Start};
 use recorder::Recorder;
 use std::time::{Duration, Instant};
+use stream::{Sent, Stream};
 
 /// The board is asked how it is at least so often.
 const SLOWEST: Duration = Duration::from_millis(250);
@@ -51,6 +53,8 @@ pub struct Run<'a> {
     pub ticks_per_second: u32,
     /// Where everything is written.
     pub recorder: Recorder,
+    /// The volumes that are streamed to the on-line solver.
+    pub stream: Option<Stream<'a>>,
     /// Called with the board armed and no light made yet; its failure ends the run.
     pub armed: &'a mut dyn FnMut() -> Result<()>,
 }
@@ -124,6 +128,10 @@ impl Run<'_> {
         let before = self.link.status()?;
         self.recorder.told(&before)?;
         upload(self.link, self.compiled).map_err(Stop::before_arming)?;
+        if let Some(stream) = &self.stream {
+            stream.begin(self.link).map_err(Stop::before_arming)?;
+            self.recorder.note(stream.words())?;
+        }
         arm(self.link, self.compiled)?;
         (self.armed)()?;
         match self.plan.inputs.start {
@@ -157,18 +165,53 @@ impl Run<'_> {
         if !matches!(told.status.state, State::Armed | State::Running) {
             return Ok(Some(told.status));
         }
+        if let Some(stream) = &mut self.stream {
+            stream.told(&told.status, self.recorder.log().start);
+        }
         let next = told.asked + period;
-        while let Some(heard) = self.link.event(next)? {
-            if self.hear(heard)? {
-                break;
+        loop {
+            let sent = self.stream()?;
+            // What has come in the meantime is heard before more is sent.
+            let until = if sent { Instant::now() } else { next };
+            match self.link.event(until)? {
+                Some(heard) if self.hear(heard)? => break,
+                None if !sent || Instant::now() >= next => break,
+                _ => {}
             }
         }
         Ok(None)
     }
 
+    /// Send a request of the next volume that is due; whether one went.
+    fn stream(&mut self) -> std::result::Result<bool, Stop> {
+        let Some(stream) = &mut self.stream else { return Ok(false) };
+        if let Some(words) = stream.hurry() {
+            self.recorder.note(words)?;
+        }
+        if !stream.is_due() {
+            return Ok(false);
+        }
+        let sent = stream.send(self.link)?;
+        Ok(match sent {
+            Sent::Taken => true,
+            Sent::NotYet => false,
+            Sent::Ended(words) => {
+                self.recorder.note(words)?;
+                false
+            }
+        })
+    }
+
     /// Whether the event is the run's last.
     fn hear(&mut self, heard: Heard) -> Result<bool> {
         self.recorder.heard(&heard)?;
+        if let Some(stream) = &mut self.stream {
+            let volume = match heard.event {
+                Event::Made(edge) => self.recorder.volume(edge),
+                _ => None,
+            };
+            stream.heard(&heard, volume);
+        }
         Ok(matches!(heard.event, Event::Finished { .. } | Event::Stopped { .. }))
     }
 
@@ -222,7 +265,27 @@ impl Run<'_> {
             self.collect(LAST_EVENTS);
             let _ = self.recorder.last_event_missing();
         }
+        if ending == Ending::Finished {
+            self.stream_the_rest();
+        }
         End { ending, words: format!("{words}; outputs low"), last: Some(*status) }
+    }
+
+    /// The last volumes come when all edges were made. Whatever fails here does not undo the run:
+    /// their phases are missing in the log, which says so.
+    fn stream_the_rest(&mut self) {
+        if let Some(stream) = &mut self.stream {
+            stream.finished();
+        }
+        while self.stream.as_ref().is_some_and(Stream::is_busy) {
+            let Ok(sent) = self.stream() else { return };
+            let until = Instant::now() + if sent { Duration::ZERO } else { FASTEST };
+            match self.link.event(until) {
+                Ok(Some(heard)) if self.hear(heard).is_err() => return,
+                Ok(_) => {}
+                Err(_) => return,
+            }
+        }
     }
 
     /// The board is not as we have left it.

@@ -6,7 +6,7 @@ use super::plan_file::Loaded;
 use super::units::{exact, figures, microseconds, rounded, seconds};
 use phasewalk_firmware::channel::Channel;
 use phasewalk_firmware::limits::Limits;
-use phasewalk_firmware::plan::{Interlock, Plan, Start, Stimulus};
+use phasewalk_firmware::plan::{Action, Interlock, PhaseLimit, Plan, Start, Stimulus};
 use serde_json::{Value, json};
 use std::fmt::Write;
 
@@ -38,6 +38,12 @@ pub fn facts(loaded: &Loaded, plan: &Plan, board: &Limits) -> Vec<(&'static str,
     }
     facts.push(("stimulus", stimulus(plan, board)));
     facts.push(("camera", camera(loaded, plan)));
+    if plan.frame > 0 {
+        facts.push(("frames", frames(plan, board)));
+    }
+    if let Some(limit) = &plan.phase_limit {
+        facts.push(("phase", phase(limit, board)));
+    }
     facts.push(("inputs", inputs(plan, board)));
     facts
 }
@@ -114,6 +120,33 @@ fn camera(loaded: &Loaded, plan: &Plan) -> String {
     }
     let share = 100.0 * images as f64 / f64::from(memory);
     format!("{images} of the {memory} images its memory holds ({share:.1} %){megabytes}")
+}
+
+fn frames(plan: &Plan, board: &Limits) -> String {
+    let (ticks, images) = (plan.frame, plan.caps.images_per_sweep);
+    let period = exact(ticks.into(), board.ticks_per_second);
+    let rate = figures(f64::from(board.ticks_per_second) / f64::from(ticks));
+    format!(
+        "clock by the board, one every {period} ({ticks} ticks, {rate} Hz), {images} while the \
+         camera's trigger is high"
+    )
+}
+
+fn phase(limit: &PhaseLimit, board: &Limits) -> String {
+    let radians = f64::from(limit.milliradians) / 1e3;
+    let action = match limit.action {
+        Action::Line => "the phase line goes high",
+        Action::Stimulus => "the phase line goes high and the stimulus ends",
+        Action::Stop => "the phase line goes high and the run ends",
+    };
+    let silence = match limit.silence {
+        0 => String::new(),
+        ticks => {
+            let time = exact(ticks.into(), board.ticks_per_second);
+            format!("; no volume solved for {time}: the run ends")
+        }
+    };
+    format!("beyond ±{radians} rad by the on-line solver: {action}{silence}")
 }
 
 fn inputs(plan: &Plan, board: &Limits) -> String {

@@ -106,7 +106,7 @@ fn exponent_end(text: &str, end: usize) -> usize {
 /// Ticks in words, exactly where the clock allows it: `8.5333125 ms`.
 #[must_use]
 pub fn exact(ticks: u64, ticks_per_second: u32) -> String {
-    let picoseconds = u128::from(ticks) * 1_000_000_000_000 / u128::from(ticks_per_second.max(1));
+    let picoseconds = picoseconds(ticks, ticks_per_second);
     let (unit, size) = match picoseconds {
         0 => return "0 s".to_owned(),
         1..1_000_000 => ("ns", 1_000),
@@ -120,15 +120,19 @@ pub fn exact(ticks: u64, ticks_per_second: u32) -> String {
 /// Ticks in microseconds, exactly: `50`.
 #[must_use]
 pub fn microseconds(ticks: u64, ticks_per_second: u32) -> String {
-    let picoseconds = u128::from(ticks) * 1_000_000_000_000 / u128::from(ticks_per_second.max(1));
-    decimal(picoseconds, 1_000_000)
+    decimal(picoseconds(ticks, ticks_per_second), 1_000_000)
 }
 
 /// Ticks in milliseconds, exactly: `0.05`.
 #[must_use]
 pub fn milliseconds(ticks: u64, ticks_per_second: u32) -> String {
-    let picoseconds = u128::from(ticks) * 1_000_000_000_000 / u128::from(ticks_per_second.max(1));
-    decimal(picoseconds, 1_000_000_000)
+    decimal(picoseconds(ticks, ticks_per_second), 1_000_000_000)
+}
+
+/// To the nearest: a tick of 84 MHz is no whole number of them.
+fn picoseconds(ticks: u64, ticks_per_second: u32) -> u128 {
+    let per_second = u128::from(ticks_per_second.max(1));
+    (u128::from(ticks) * 1_000_000_000_000 + per_second / 2) / per_second
 }
 
 /// `value / size` without trailing zeros; `size` is a power of ten.
@@ -212,6 +216,7 @@ mod tests {
         assert_eq!(exact(1, 16_000_000), "62.5 ns");
         assert_eq!(exact(800, 16_000_000), "50 us");
         assert_eq!(exact(16_000_000 * 300, 16_000_000), "300 s");
+        assert_eq!(exact(1_400, 84_000_000), "16.666667 us");
         assert_eq!(milliseconds(800, 16_000_000), "0.05");
         assert_eq!(microseconds(1, 16_000_000), "0.0625");
     }

@@ -1,11 +1,10 @@
 //! The images of the STM32F405.
 
 use super::size::Ceilings;
-use super::{sources, toolchain};
+use super::{copy, sources, toolchain};
 use crate::Result;
 use crate::command::{command, run};
 use crate::packages::{ARM_TOOLS, RUST_SOURCES};
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -36,7 +35,7 @@ pub(super) fn build(folder: &Path) -> Result {
 fn image(folder: &Path, features: &str, elf: &Path) -> Result {
     run(&mut cargo(folder, features)?)?;
     let built = built(folder);
-    fs::copy(&built, elf).map_err(|e| format!("cannot copy {}: {e}", built.display()))?;
+    copy(&built, elf)?;
     CEILINGS.hold(elf, "arm-none-eabi-size")
 }
 

@@ -1,11 +1,10 @@
 //! The image of the Arduino Uno.
 
 use super::size::Ceilings;
-use super::{sources, toolchain};
+use super::{copy, sources, toolchain};
 use crate::Result;
 use crate::command::{command, run};
 use crate::packages::{AVR_TOOLS, RUST_SOURCES};
-use std::fs;
 use std::path::Path;
 
 const CEILINGS: Ceilings = Ceilings {
@@ -30,7 +29,7 @@ pub(super) fn build(folder: &Path) -> Result {
 
     let (elf, hex) = (folder.join("uno.elf"), folder.join("uno.hex"));
     let built = build.join("avr-none").join("firmware").join("uno.elf");
-    fs::copy(&built, &elf).map_err(|e| format!("cannot copy {}: {e}", built.display()))?;
+    copy(&built, &elf)?;
     let sections = ["-O", "ihex", "-j", ".text", "-j", ".data"];
     run(command("avr-objcopy").args(sections).args([&elf, &hex]))?;
     CEILINGS.hold(&elf, "avr-size")

@@ -37,6 +37,9 @@ impl Stm32 {
         const { assert!(Self::LIMITS.speckles as usize == SPECKLES) };
         const { assert!(Self::LIMITS.lags as usize == LAGS) };
         timers::start(chip.prescaler());
+        defmt::info!(
+            "Phasewalk's trigger board: NOT WITH A SUBJECT (its timing was never measured)"
+        );
         pins::start(chip.real);
         serial::start();
         if chip.real {
@@ -126,8 +129,15 @@ impl Outputs for Stm32 {
 
     fn stimulus_low(&mut self) {
         defmt::debug!("stimulus low");
-        NEAR.with(|near| near.low(Channel::Stimulus));
-        self.forget(Channel::Stimulus);
+        let channel = Channel::Stimulus;
+        let made = NEAR.with(|near| {
+            near.low(channel);
+            near.made(channel)
+        });
+        let index = channel.index();
+        if let (Some(taken), Some(told)) = (self.taken.get_mut(index), self.told.get(index)) {
+            taken.truncate(made.wrapping_sub(*told).into());
+        }
     }
 
     fn frame_clock(&mut self, period: u32) {

@@ -63,7 +63,7 @@ impl Near {
     pub fn put(&mut self, channel: Channel, edge: NearEdge<u32>) -> bool {
         let taken = self.output(channel).is_some_and(|output| output.put(edge));
         if taken {
-            self.arm(channel);
+            self.arm(channel, timers::counter());
         }
         taken
     }
@@ -74,8 +74,8 @@ impl Near {
     }
 
     #[inline(always)]
-    fn arm(&mut self, channel: Channel) {
-        let arming = self.output(channel).map(|output| output.arm(timers::counter(), WINDOW));
+    fn arm(&mut self, channel: Channel, now: u32) {
+        let arming = self.output(channel).map(|output| output.arm(now, WINDOW));
         match arming {
             Some(Arming::Set(edge)) if self.fault.is_none() => {
                 timers::arm(channel, edge);
@@ -115,7 +115,8 @@ impl Near {
         if !read_back || edge.high == before {
             return self.stop(Fault::ReadBack);
         }
-        self.arm(channel);
+        // Where there are no pins there are no matches either: think that this one came in time.
+        self.arm(channel, if connected { timers::counter() } else { edge.tick });
         if channel == Channel::Camera && edge.high {
             self.trigger = edge.tick;
             self.await_exposure(true);
@@ -188,8 +189,9 @@ impl Near {
         self.fault = None;
     }
 
-    /// An output low; its edges forgotten.
+    /// An output low; its edges forgotten but for one that was just made.
     pub fn low(&mut self, channel: Channel) {
+        self.matched(channel, timers::counter());
         timers::low(channel);
         if let Some(output) = self.output(channel) {
             output.stop();

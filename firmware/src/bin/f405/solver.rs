@@ -11,48 +11,37 @@ use phasewalk_firmware::message::{Estimate, SPECKLE_BYTES};
 
 type Volume = Vec<Complex<f32>, SPECKLES>;
 
-/// What is asked of the solver.
-enum Job {
-    Nothing,
-    /// Begin anew, with so many speckles and effective looks.
-    Begin(u16, f32),
-    /// Solve the volume.
-    Solve,
-}
-
 /// Between passes and solver.
 struct Mailbox {
-    job: Job,
-    /// The solver works on the volume.
-    busy: bool,
+    /// Begin anew, with so many speckles and effective looks, before anything else.
+    begin: Option<(u16, f32)>,
     speckles: u16,
+    /// Speckles that have come; once all of a volume's are there they wait to be solved.
     volume: Volume,
     solved: Option<Estimate>,
 }
 
-static MAILBOX: Shared<Mailbox> = Shared::new(Mailbox {
-    job: Job::Nothing,
-    busy: false,
-    speckles: 0,
-    volume: Vec::new(),
-    solved: None,
-});
+static MAILBOX: Shared<Mailbox> =
+    Shared::new(Mailbox { begin: None, speckles: 0, volume: Vec::new(), solved: None });
 
-/// Forget all volumes; from now on they have so many speckles. False when the solver cannot, or works.
+impl Mailbox {
+    fn is_full(&self) -> bool {
+        self.speckles > 0 && self.volume.len() == usize::from(self.speckles)
+    }
+}
+
+/// Forget all volumes; from now on they have so many speckles. False when the solver cannot.
 pub fn begin(speckles: u16, looks: f32) -> bool {
     if online_weights(speckles.into(), looks.into()).is_err() {
         return false;
     }
     MAILBOX.with(|mailbox| {
-        if mailbox.busy {
-            return false;
-        }
-        mailbox.job = Job::Begin(speckles, looks);
+        mailbox.begin = Some((speckles, looks));
         mailbox.speckles = speckles;
         mailbox.volume.clear();
         mailbox.solved = None;
-        true
-    })
+    });
+    true
 }
 
 /// Speckles of the next volume, from number `first` on; with the last one it is to be solved. False
@@ -60,21 +49,15 @@ pub fn begin(speckles: u16, looks: f32) -> bool {
 pub fn samples(first: u16, bytes: &[u8]) -> bool {
     let (samples, rest) = bytes.as_chunks::<SPECKLE_BYTES>();
     MAILBOX.with(|mailbox| {
-        let waits = mailbox.busy || !matches!(mailbox.job, Job::Nothing);
         let end = usize::from(first) + samples.len();
-        if waits
-            || !rest.is_empty()
-            || usize::from(first) != mailbox.volume.len()
-            || end > usize::from(mailbox.speckles)
-        {
+        let next = usize::from(first) == mailbox.volume.len();
+        let fit = end <= usize::from(mailbox.speckles);
+        if mailbox.is_full() || !rest.is_empty() || !next || !fit {
             return false;
         }
         for sample in samples {
             // There is room: `begin` has seen to it.
             let _ = mailbox.volume.push(speckle(sample));
-        }
-        if end == usize::from(mailbox.speckles) {
-            mailbox.job = Job::Solve;
         }
         true
     })
@@ -90,36 +73,50 @@ pub fn solved() -> Option<Estimate> {
     MAILBOX.with(|mailbox| mailbox.solved.take())
 }
 
-/// Solve what comes, for ever.
-pub fn run() -> ! {
+/// Solve what comes, for ever; between, sleep or `stay_awake`, for emulators whose time jumps while the
+/// processor sleeps.
+pub fn run(stay_awake: bool) -> ! {
     let mut walk: Option<OnlineWalk<f32>> = None;
     let mut volume = Volume::new();
     loop {
-        match take(&mut volume) {
-            Job::Nothing => cortex_m::asm::wfi(),
-            Job::Begin(speckles, looks) => walk = online_walk(speckles.into(), looks.into()).ok(),
-            Job::Solve => {
-                let estimate = walk.as_mut().map(|walk| solve(walk, &volume));
-                MAILBOX.with(|mailbox| {
-                    mailbox.solved = estimate;
-                    mailbox.busy = false;
-                });
-            }
+        let (begin, full) = take(&mut volume);
+        if let Some((speckles, looks)) = begin {
+            walk = online_walk(speckles.into(), looks.into()).ok();
+        }
+        match &mut walk {
+            Some(walk) if full => tell(solve(walk, &volume)),
+            _ if stay_awake => idle(),
+            _ => cortex_m::asm::wfi(),
         }
     }
 }
 
-/// The job that waits, and its volume.
-fn take(volume: &mut Volume) -> Job {
+/// What waits: a new series, and whether there is a volume to be solved.
+fn take(volume: &mut Volume) -> (Option<(u16, f32)>, bool) {
     MAILBOX.with(|mailbox| {
-        let job = core::mem::replace(&mut mailbox.job, Job::Nothing);
-        if let Job::Solve = job {
-            mailbox.busy = true;
+        let full = mailbox.is_full();
+        if full {
             volume.clone_from(&mailbox.volume);
             mailbox.volume.clear();
         }
-        job
+        (mailbox.begin.take(), full)
     })
+}
+
+/// For the next pass, unless a new series has begun meanwhile.
+fn tell(estimate: Estimate) {
+    MAILBOX.with(|mailbox| {
+        if mailbox.begin.is_none() {
+            mailbox.solved = Some(estimate);
+        }
+    });
+}
+
+/// Nothing, many times, with few branches: an emulator's time flies.
+fn idle() {
+    for _ in 0..256 {
+        cortex_m::asm::nop();
+    }
 }
 
 fn solve(walk: &mut OnlineWalk<f32>, volume: &Volume) -> Estimate {

@@ -6,6 +6,7 @@ use crate::trigger::check::{Checked, check_plan};
 use crate::trigger::ledger::{Doses, Ledger};
 use crate::trigger::limits::LimitsFile;
 use crate::trigger::plan_file::{Loaded, load};
+use clap::ValueEnum;
 use phasewalk_firmware::limits::Limits;
 use std::path::PathBuf;
 
@@ -26,12 +27,35 @@ pub(super) struct PlanOptions {
     /// Change a key, the value with its unit: interval=300s, volumes=10, stimulus.duration=2s
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
+    /// Board for which it is checked
+    #[arg(long, value_enum, default_value_t = BoardName::Uno)]
+    board: BoardName,
+}
+
+/// The boards there are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum BoardName {
+    /// Arduino Uno
+    Uno,
+    /// STM32F405: with on-line solver and frame clock
+    F405,
+}
+
+impl BoardName {
+    /// What it can do.
+    pub(super) const fn limits(self) -> Limits {
+        match self {
+            Self::Uno => Limits::UNO,
+            Self::F405 => Limits::F405,
+        }
+    }
 }
 
 impl PlanOptions {
-    /// Load it for a board.
-    pub(super) fn load(&self, board: &Limits) -> Result<Loaded> {
-        load(&self.plan, &self.set, board)
+    /// Load it for its board.
+    pub(super) fn load(&self) -> Result<(Loaded, Limits)> {
+        let board = self.board.limits();
+        Ok((load(&self.plan, &self.set, &board)?, board))
     }
 }
 
@@ -63,8 +87,7 @@ impl SafetyOptions {
 }
 
 pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
-    let board = Limits::UNO;
-    let loaded = arguments.plan.load(&board)?;
+    let (loaded, board) = arguments.plan.load()?;
     let checked = arguments.safety.check(&loaded, &board)?;
     if common.json {
         print(&checked.json(&loaded, &board).to_string());

@@ -5,7 +5,8 @@ use crate::cli::{Common, print};
 use crate::error::Result;
 use crate::trigger::log::Board;
 use crate::trigger::words;
-use phasewalk_firmware::message::{Hello, Status};
+use phasewalk_firmware::limits::Limits;
+use phasewalk_firmware::message::{Hello, Model, Status};
 use serde_json::json;
 
 /// Options of `trigger info`.
@@ -52,8 +53,34 @@ fn who(port: &str, hello: &Hello) -> String {
         ),
         format!("stimulus    {} in a run, at most", time(limits.stimulus_total)),
         format!("main loop   {} per pass, at most", time(limits.pass.into())),
+        format!("solver      {}", solver(limits)),
+        format!("frame clock {}", frame_clock(limits)),
+        format!("outputs     {}", outputs(hello.model)),
     ]
     .join("\n")
+}
+
+fn solver(limits: &Limits) -> String {
+    match limits.speckles {
+        0 => "none: no phase while the run goes on".to_owned(),
+        speckles => format!("up to {speckles} speckles x {} lags, on line", limits.lags),
+    }
+}
+
+fn frame_clock(limits: &Limits) -> String {
+    let per_second = limits.ticks_per_second;
+    let time = |ticks: u32| words::ticks(ticks.into(), per_second);
+    match limits.frame_longest {
+        0 => "none: the camera keeps its own".to_owned(),
+        longest => format!("a frame every {} to {}", time(limits.shortest), time(longest)),
+    }
+}
+
+const fn outputs(model: Model) -> &'static str {
+    match model {
+        Model::Uno | Model::F405 => "laser, camera, stimulus",
+        Model::Rehearsal => "none: it runs without outputs and makes no light",
+    }
 }
 
 fn how(hello: &Hello, status: &Status) -> String {

@@ -7,8 +7,8 @@ use crate::trigger::port::BAUD;
 /// The line to the board.
 #[derive(Debug, clap::Args)]
 pub(super) struct Line {
-    /// Serial port of the board; `sim:` or `sim:IMAGE.elf` starts an emulated board [default: the
-    /// one port that has a known board]
+    /// Serial port of the board; `sim:`, `sim:f405` or `sim:IMAGE.elf` starts an emulated board
+    /// [default: the one port that has a known board]
     #[arg(long, value_name = "PORT")]
     pub(super) port: Option<String>,
     /// Bits per second

@@ -5,6 +5,7 @@ use crate::cli::{Common, check_output, print};
 use crate::error::Result;
 use crate::io::write_atomic;
 use crate::trigger::log::RunLog;
+use crate::trigger::log::phase::Phase;
 use crate::trigger::log::statistics::{Spread, Statistics};
 use crate::trigger::log::table::csv;
 use crate::trigger::{units, words};
@@ -31,7 +32,8 @@ pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
         print(&summary(&log));
         return Ok(());
     }
-    print(&[what(&log), result(&log), regularity(&log), remarks(&log)].concat().join("\n"));
+    let parts = [what(&log), result(&log), regularity(&log), phases(&log), remarks(&log)];
+    print(&parts.concat().join("\n"));
     if let Some(path) = &arguments.csv {
         print(&format!("wrote {}", path.display()));
     }
@@ -46,6 +48,8 @@ fn summary(log: &RunLog) -> String {
         "statistics": Statistics::of(log),
         "clock": log.fit(),
         "times": log.times().ok(),
+        "phases": log.phases,
+        "crossed": log.crossed,
         "fault": log.fault.map(|(fault, tick)| json!({ "fault": fault, "tick": tick })),
         "notes": log.notes,
         "truncated": log.truncated,
@@ -72,7 +76,7 @@ fn what(log: &RunLog) -> Vec<String> {
 
 fn result(log: &RunLog) -> Vec<String> {
     if let Some(summary) = &log.summary {
-        return vec![outcome::words(summary, &log.header)];
+        return vec![outcome::words(summary, log)];
     }
     let made = log.edges.len();
     let end = match &log.fault {
@@ -83,7 +87,10 @@ fn result(log: &RunLog) -> Vec<String> {
         Some(deviation) => format!("{made} edges, not on plan: {deviation}"),
         None => format!("{made} edges, those on plan"),
     };
-    vec![end, edges, outcome::clock(log.fit().as_ref())]
+    let mut lines = vec![end, edges];
+    lines.extend(outcome::crossing(log));
+    lines.push(outcome::clock(log.fit().as_ref()));
+    lines
 }
 
 fn regularity(log: &RunLog) -> Vec<String> {
@@ -117,6 +124,19 @@ fn spread(name: &str, spread: &Spread, per_second: u32) -> String {
         spread.mean,
         seconds(peak_to_peak as f64),
     )
+}
+
+/// What the on-line solver has said.
+fn phases(log: &RunLog) -> Vec<String> {
+    let Some(last) = log.phases.last() else { return Vec::new() };
+    let larger = |a: &&Phase, b: &&Phase| a.phase_rad.abs().total_cmp(&b.phase_rad.abs());
+    let largest = log.phases.iter().max_by(larger).unwrap_or(last);
+    let said = |phase: &Phase| {
+        let Phase { volume, phase_rad, sigma_rad, .. } = phase;
+        format!("{phase_rad:.4} ± {sigma_rad:.4} rad (volume {volume})")
+    };
+    let (count, last, largest) = (log.phases.len(), said(last), said(largest));
+    vec![format!("on-line phase: {count} volumes, last {last}, largest {largest}")]
 }
 
 fn remarks(log: &RunLog) -> Vec<String> {

@@ -12,6 +12,8 @@ mod ports;
 mod preview;
 mod run;
 mod selftest;
+mod solve;
+mod speckles;
 
 use super::Common;
 use crate::error::Result;
@@ -36,6 +38,8 @@ pub enum Command {
     Abort(abort::Arguments),
     /// What a run log says
     Log(log::Arguments),
+    /// Stream a series to the board's on-line solver and compare its phases with the same code here
+    Solve(solve::Arguments),
     /// The board measures its own edges, with a jumper from D9 to D8
     Selftest(selftest::Arguments),
 }
@@ -54,6 +58,7 @@ pub fn run(command: &Command, common: &Common) -> Result<()> {
         Command::Run(arguments) => run::run(arguments, common),
         Command::Abort(arguments) => abort::run(arguments, common),
         Command::Log(arguments) => log::run(arguments, common),
+        Command::Solve(arguments) => solve::run(arguments, common),
         Command::Selftest(arguments) => selftest::run(arguments, common),
     }
 }

@@ -6,9 +6,11 @@ use crate::trigger::log::{Ending, Header, RunLog, Summary};
 use crate::trigger::{units, words};
 
 /// The summary in a few lines.
-pub(super) fn words(summary: &Summary, header: &Header) -> String {
-    let mut lines = vec![summary.words.clone(), edges(summary), volumes(summary)];
-    lines.extend(longest_pass(summary, header));
+pub(super) fn words(summary: &Summary, log: &RunLog) -> String {
+    let mut lines = vec![summary.words.clone(), edges(summary, log.light_ended().is_some())];
+    lines.extend(crossing(log));
+    lines.push(volumes(summary));
+    lines.extend(longest_pass(summary, &log.header));
     lines.push(clock(summary.clock.as_ref()));
     for (count, what) in [
         (summary.garbled, "frames from the board that could not be understood"),
@@ -21,7 +23,7 @@ pub(super) fn words(summary: &Summary, header: &Header) -> String {
     lines.join("\n")
 }
 
-fn edges(summary: &Summary) -> String {
+fn edges(summary: &Summary, light_ended: bool) -> String {
     let (made, planned) = (summary.edges.made, summary.edges.planned);
     let lost = match summary.events_lost {
         0 => String::new(),
@@ -30,9 +32,26 @@ fn edges(summary: &Summary) -> String {
     match &summary.edges.deviation {
         None if made == 0 => format!("no edge was made{lost}"),
         Some(deviation) => format!("{made} of {planned} edges, not on plan: {deviation}{lost}"),
+        None if light_ended => {
+            format!("{made} of {planned} edges, on plan but for the end of the stimulus{lost}")
+        }
         None if made == planned => format!("{made} edges, all on plan{lost}"),
         None => format!("{made} of {planned} edges, those on plan{lost}"),
     }
+}
+
+/// The phase has left its bounds, and what came of it.
+pub(super) fn crossing(log: &RunLog) -> Option<String> {
+    let tick = log.crossed?;
+    let limit = log.header.plan.phase_limit?;
+    let since = tick.saturating_sub(log.start.unwrap_or(0));
+    let after = words::ticks(since, log.header.ticks_per_second);
+    let bound = f64::from(limit.milliradians) / 1e3;
+    let then = if log.light_ended().is_some() { "; the stimulus is off from there on" } else { "" };
+    Some(format!(
+        "the phase left ±{bound} rad {after} after time zero (tick {tick}): the phase line went \
+         high{then}"
+    ))
 }
 
 /// The certificate holds while passes are no longer than the board says.

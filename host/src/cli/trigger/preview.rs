@@ -5,7 +5,6 @@ use crate::cli::{Common, print};
 use crate::error::Result;
 use crate::io::write_atomic;
 use crate::trigger::preview::{Trace, ascii, draw};
-use phasewalk_firmware::limits::Limits;
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -22,8 +21,7 @@ pub struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
-    let board = Limits::UNO;
-    let loaded = arguments.plan.load(&board)?;
+    let (loaded, board) = arguments.plan.load()?;
     let checked = arguments.safety.check(&loaded, &board)?;
     let trace = Trace::new(&loaded, &checked, &board)?;
     if let Some(path) = &arguments.output {

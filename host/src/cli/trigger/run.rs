@@ -1,6 +1,7 @@
 //! `phasewalk trigger run`: run a plan on the board and record every edge.
 
 use super::line::Line;
+use super::speckles::SpeckleOptions;
 use super::{confirm, outcome};
 use crate::cli::{Common, print};
 use crate::error::{Error, Result};
@@ -12,8 +13,12 @@ use crate::trigger::log::{Ending, Header, RunLog};
 use crate::trigger::plan_file::{self, Loaded};
 use crate::trigger::run::job::Job;
 use crate::trigger::run::recorder::Recorder;
+use crate::trigger::run::stream::Stream;
 use crate::trigger::run::{Progress, Run};
+use crate::trigger::speckles::Speckles;
 use crate::trigger::words;
+use phasewalk_firmware::message::Hello;
+use phasewalk_firmware::plan::Plan;
 use ready::Ready;
 use serde_json::json;
 use std::path::PathBuf;
@@ -46,6 +51,12 @@ pub struct Arguments {
     /// Label of the subject in the ledger
     #[arg(long, value_name = "LABEL", requires = "ledger")]
     subject: Option<String>,
+    /// Stream the volumes of this complex series to the board's on-line solver, each when its sweep
+    /// is over
+    #[arg(long, value_name = "FIELD")]
+    solve: Option<PathBuf>,
+    #[command(flatten)]
+    speckles: SpeckleOptions,
     /// Start without asking
     #[arg(long)]
     yes: bool,
@@ -56,12 +67,18 @@ pub struct Arguments {
 
 pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     check_absent(&arguments.log, arguments.overwrite)?;
+    if let Some(option) = arguments.speckles.given().filter(|_| arguments.solve.is_none()) {
+        return Err(Error::usage(format!(
+            "{option}: chooses speckles for --solve, which is missing"
+        )));
+    }
     if !arguments.yes {
         confirm::check_terminal()?;
     }
     let mut connection = arguments.line.open()?;
     let hello = connection.greet()?;
     let loaded = plan_file::load(&arguments.plan, &arguments.set, &hello.limits)?;
+    let speckles = speckles(arguments, &hello, &loaded.plan)?;
     let mut book = Book::open(arguments)?;
     let ready = Ready::check(arguments, &loaded, book.before(), &hello.limits)?;
     let header = Job {
@@ -74,6 +91,7 @@ pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
         subject: arguments.subject.as_deref(),
         plan: &ready.plan,
         compiled: &ready.compiled,
+        solves: speckles.is_some(),
         warnings: &ready.warnings,
     }
     .header();
@@ -83,9 +101,24 @@ pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     if !arguments.yes {
         confirm::confirm("Start?")?;
     }
-    let log =
-        make(arguments, &ready, header, &mut connection, &mut || book.enter(&loaded, &ready))?;
+    let stream = speckles.as_ref().map(|speckles| Stream::new(speckles, &ready.plan));
+    let mut armed = || book.enter(&loaded, &ready);
+    let log = make(arguments, &ready, header, &mut connection, stream, &mut armed)?;
     report(&log, arguments, common)
+}
+
+/// What is streamed to the solver: a volume for each sweep.
+fn speckles(arguments: &Arguments, hello: &Hello, plan: &Plan) -> Result<Option<Speckles>> {
+    let Some(series) = &arguments.solve else { return Ok(None) };
+    let sweeps = plan.total_sweeps();
+    let most = usize::try_from(sweeps).ok();
+    let speckles = arguments.speckles.read(series, &hello.limits, most)?;
+    let volumes = speckles.volumes();
+    if (volumes as u64) < sweeps {
+        let what = format!("has {volumes} volumes, the plan {sweeps} sweeps: give a longer series");
+        return Err(Error::file(series, what));
+    }
+    Ok(Some(speckles))
 }
 
 /// The ledger, if one is kept.
@@ -129,6 +162,7 @@ fn make(
     ready: &Ready,
     header: Header,
     connection: &mut Connection,
+    stream: Option<Stream<'_>>,
     armed: &mut dyn FnMut() -> Result<()>,
 ) -> Result<RunLog> {
     let bar = Bar::new("run", ready.plan.total_sweeps());
@@ -141,6 +175,7 @@ fn make(
         plan: &ready.plan,
         ticks_per_second,
         recorder: Recorder::new(writer),
+        stream,
         armed,
     };
     let mut begun = 0;
@@ -161,7 +196,7 @@ fn report(log: &RunLog, arguments: &Arguments, common: &Common) -> Result<()> {
     if common.json {
         print(&json!({ "log": arguments.log, "summary": log.summary }).to_string());
     } else if let Some(summary) = &log.summary {
-        print(&outcome::words(summary, &log.header));
+        print(&outcome::words(summary, log));
         print(&format!("wrote {path}"));
     }
     // The user's own Ctrl-C, rather than an abort that came from elsewhere.

@@ -74,6 +74,7 @@ fn make(arguments: &Arguments, path: &Path, connection: &mut Connection) -> Resu
         subject: None,
         plan: &plan,
         compiled: &compiled,
+        solves: false,
         warnings: &["interlock and READY are off: a jumper from D9 to D8, nothing else".to_owned()],
     }
     .header();
@@ -83,6 +84,7 @@ fn make(arguments: &Arguments, path: &Path, connection: &mut Connection) -> Resu
         plan: &plan,
         ticks_per_second: per_second,
         recorder: Recorder::new(Writer::create(path, false, RunLog::new(header), Instant::now())?),
+        stream: None,
         armed: &mut || Ok(()),
     };
     run.make(&mut |_| ())

@@ -3,7 +3,7 @@
 use super::Trace;
 use super::windows::{Window, first_burst};
 use crate::trigger::summary::channel_name;
-use crate::trigger::units::rounded;
+use crate::trigger::units::{exact, rounded};
 use phasewalk_firmware::channel::Channel;
 use std::fmt::Write;
 
@@ -28,6 +28,10 @@ pub fn ascii(trace: &Trace) -> String {
         let (from, to) = (time(window.from), time(window.to));
         let width = COLUMNS as usize - from.len();
         let _ = writeln!(text, "  {:<8} {from}{to:>width$}", "");
+    }
+    if trace.plan.frame > 0 {
+        let frame = exact(trace.plan.frame.into(), trace.ticks_per_second);
+        let _ = writeln!(text, "\nframe clock: one pulse every {frame} while the camera is high");
     }
     text.push_str(
         "\n_ low, # high, | changes; -o NAME.svg draws it to scale, .vcd and .json for viewers",

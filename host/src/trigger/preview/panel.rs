@@ -106,8 +106,8 @@ impl Panel<'_> {
         let blocks = self.blocks(scale, channel);
         let mut areas = String::new();
         for &Block { left, right, pulses } in &blocks {
-            if pulses > 1 {
-                block(svg, channel, [left, right, high, low], pulses);
+            if let Some(label) = self.filling(channel, pulses) {
+                block(svg, channel, [left, right, high, low], &label);
             }
             let _ = write!(areas, "M{left:.2} {low:.1}V{high:.1}H{right:.2}V{low:.1}Z");
         }
@@ -122,6 +122,16 @@ impl Panel<'_> {
             high + 13.0,
             high + 28.0
         );
+    }
+
+    /// What a hatched block stands for: several pulses, or the frames of one; none: not hatched.
+    fn filling(&self, channel: Channel, pulses: u32) -> Option<String> {
+        if pulses > 1 {
+            return Some(format!("{pulses} pulses"));
+        }
+        let plan = &self.trace.plan;
+        let framed = plan.frame > 0 && channel == Channel::Camera;
+        framed.then(|| format!("{} frames", plan.caps.images_per_sweep))
     }
 
     /// Pulses as they can be drawn: not too thin, and those too close together as one.
@@ -190,8 +200,8 @@ fn line(blocks: &[Block], high: f64, low: f64) -> String {
     line
 }
 
-/// A hatched block and how many pulses it stands for.
-fn block(svg: &mut String, channel: Channel, [left, right, high, low]: [f64; 4], pulses: u32) {
+/// A hatched block and what it stands for.
+fn block(svg: &mut String, channel: Channel, [left, right, high, low]: [f64; 4], label: &str) {
     let name = channel_name(channel);
     let (width, height) = (right - left, low - high);
     let _ = writeln!(
@@ -199,8 +209,7 @@ fn block(svg: &mut String, channel: Channel, [left, right, high, low]: [f64; 4],
         "<rect x=\"{left:.2}\" y=\"{high:.1}\" width=\"{width:.2}\" height=\"{height:.1}\" \
          fill=\"url(#{name}-hatch)\"/>"
     );
-    let label = format!("{pulses} pulses");
-    if width > letters(&label) + 16.0 {
+    if width > letters(label) + 16.0 {
         let (x, y) = (f64::midpoint(left, right), f64::midpoint(high, low) + 4.0);
         let _ = writeln!(svg, "<text class=\"halo\" x=\"{x:.1}\" y=\"{y:.1}\">{label}</text>");
     }

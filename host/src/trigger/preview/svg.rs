@@ -142,7 +142,11 @@ fn burst_dimensions(trace: &Trace) -> Vec<Dimension> {
     let mut dimensions = Vec::new();
     for (channel, name) in [(Channel::Laser, "laser"), (Channel::Camera, "camera")] {
         let Some(&(rise, fall)) = trace.pulses(channel).first() else { continue };
-        let label = format!("{name} {}", time(fall - rise));
+        let mut label = format!("{name} {}", time(fall - rise));
+        if channel == Channel::Camera && trace.plan.frame > 0 {
+            let (images, frame) = (trace.plan.caps.images_per_sweep, time(trace.plan.frame.into()));
+            label.push_str(&format!(": {images} frames, one every {frame} by the board's clock"));
+        }
         dimensions.push(Dimension { from: signed(rise), to: signed(fall), label });
     }
     let delay = u64::from(trace.plan.laser.delay);

@@ -33,6 +33,8 @@ pub struct Job<'a> {
     pub plan: &'a Plan,
     /// Its bytes.
     pub compiled: &'a Compiled,
+    /// Volumes are streamed to the on-line solver.
+    pub solves: bool,
     /// What the checks say.
     pub warnings: &'a [String],
 }
@@ -44,6 +46,11 @@ impl Job<'_> {
         let ticks_per_second = self.hello.limits.ticks_per_second;
         let mut warnings = self.warnings.to_vec();
         warnings.extend(doubts(self.plan, &self.hello.limits, self.baud));
+        if self.plan.phase_limit.is_some() && !self.solves {
+            let what = "the plan has a phase limit, but no volumes are streamed (--solve): another \
+                        program must, or the limit is never reached";
+            warnings.push(what.to_owned());
+        }
         Header {
             format: FORMAT.to_owned(),
             version: VERSION,

@@ -4,8 +4,10 @@ use crate::error::Result;
 use crate::trigger::clock::Sample;
 use crate::trigger::expected::Expected;
 use crate::trigger::link::{Heard, Told};
+use crate::trigger::log::phase::Phase;
 use crate::trigger::log::write::Writer;
 use crate::trigger::log::{Record, RunLog, Summary};
+use phasewalk_firmware::channel::Edge;
 use phasewalk_firmware::message::{Event, State, Status};
 use std::time::Instant;
 
@@ -58,18 +60,12 @@ impl Recorder {
                 channel: edge.channel,
                 high: edge.high,
                 tick: edge.tick,
-                volume: self.expected.volume(edge, start),
+                volume: self.volume(edge),
             },
             Event::Exposed { tick } => {
                 Record::Exposed { tick, volume: self.expected.exposed_volume(tick, start) }
             }
-            Event::Solved(estimate) => Record::Phase {
-                volume: estimate.volume,
-                phase_rad: f32::from_bits(estimate.phase),
-                sigma_rad: f32::from_bits(estimate.sigma),
-                took: estimate.took,
-                host_s,
-            },
+            Event::Solved(estimate) => Record::Phase(Phase::new(&estimate, host_s)),
             Event::Crossed { tick } => Record::Crossed { tick },
             Event::Finished { tick } => Record::Finished { tick },
             Event::Stopped { fault, tick } => {
@@ -77,6 +73,12 @@ impl Recorder {
             }
         };
         self.writer.record(&record)
+    }
+
+    /// The volume of an edge.
+    #[must_use]
+    pub fn volume(&self, edge: Edge) -> Option<u32> {
+        self.expected.volume(edge, self.log().start.unwrap_or(0))
     }
 
     /// The board has said that the run is over; if the event of it has not come, it was lost.

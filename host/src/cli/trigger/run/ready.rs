@@ -3,7 +3,7 @@
 use super::Arguments;
 use crate::error::{Error, Result};
 use crate::trigger::certificate::certify;
-use crate::trigger::check::{broken, check_plan};
+use crate::trigger::check::{broken, check_plan, compile};
 use crate::trigger::ledger::Doses;
 use crate::trigger::limits::LimitsFile;
 use crate::trigger::plan_file::Loaded;
@@ -54,8 +54,7 @@ impl Ready {
         let mut plan = loaded.plan;
         plan.caps = limits.caps(&plan, board);
         check(&plan, board).map_err(|violation| refuse(broken(&violation, limits, board)))?;
-        let compiled = Compiled::new(&plan);
-        let compiled = compiled.ok_or_else(|| refuse("too large for the board".to_owned()))?;
+        let compiled = compile(&plan, board).map_err(refuse)?;
         let Err(error) = certify(&compiled, 1, board) else { return Ok(None) };
         let warning = format!("forced: no timing certificate ({error}), exposure not budgeted");
         let mut warnings = loaded.warnings.clone();
