@@ -90,26 +90,26 @@ impl<B: Board> Program<B> {
             return Ok(());
         }
         self.online.crossed = true;
-        if action == Action::Stimulus {
-            self.end_stimulus();
-        }
-        self.outbox.tell(Event::Crossed { tick: now });
+        let tick = if action == Action::Stimulus { self.end_stimulus() } else { now };
+        self.outbox.tell(Event::Crossed { tick });
         Ok(())
     }
 
-    /// The light goes off now and does not come back.
-    fn end_stimulus(&mut self) {
+    /// The light goes off now and does not come back; says when that was.
+    fn end_stimulus(&mut self) -> u64 {
         self.board.stimulus_low();
+        let now = self.board.now();
         // What was made before is told first: of each output at most two edges since the last pass.
         for _ in 0..2 * Channel::ALL.len() {
             self.collect();
         }
         self.sequencer.end_light();
         if self.guard.is_high(Channel::Stimulus) {
-            let edge = Edge::fall(Channel::Stimulus, self.board.now());
+            let edge = Edge::fall(Channel::Stimulus, now);
             self.guard.made(edge);
             self.outbox.tell(Event::Made(edge));
         }
+        now
     }
 
     /// Time zero lies ahead: until then, and `silence` ticks after it, no phase is needed.

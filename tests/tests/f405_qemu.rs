@@ -274,6 +274,8 @@ fn the_host_ends_a_run_and_so_does_its_silence() {
     assert_eq!(state(&mut link), State::Running);
     link.abort(Duration::from_secs(1)).expect("the board answers");
     assert_eq!(state(&mut link), State::Faulted(Fault::Abort));
+    let stopped = events(&mut link).pop();
+    assert!(matches!(stopped, Some(Event::Stopped { fault: Fault::Abort, .. })), "{stopped:?}");
 
     let mut plan = long();
     plan.caps.heartbeat = 300 * MS;

@@ -1,7 +1,7 @@
 //! What the image logs: defmt's frames, taken out of its memory as a debug probe does (RTT).
 
 use super::Machine;
-use object::{Object, ObjectSymbol};
+use super::elf::symbol;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -79,12 +79,4 @@ fn line(line: &str) -> Logged {
         tick: tick.parse().expect("the image says the time in ticks"),
         words: words.to_owned(),
     }
-}
-
-/// The address of a symbol of an image.
-pub(super) fn symbol(image: &Path, name: &str) -> Option<u32> {
-    let bytes = std::fs::read(image).ok()?;
-    let file = object::File::parse(&*bytes).ok()?;
-    let symbol = file.symbols().find(|symbol| symbol.name() == Ok(name))?;
-    Some(symbol.address() as u32)
 }

@@ -9,6 +9,7 @@
 //! instructions.
 
 mod debugger;
+mod elf;
 mod log;
 mod monitor;
 
@@ -124,8 +125,8 @@ impl Machine {
     /// When the image has no stack.
     pub fn stack_used(&mut self) -> usize {
         let end =
-            log::symbol(&self.image, "_stack_end").expect("the image says where its stack ends");
-        let start = log::symbol(&self.image, "_stack_start").expect("and where it starts");
+            elf::symbol(&self.image, "_stack_end").expect("the image says where its stack ends");
+        let start = elf::symbol(&self.image, "_stack_start").expect("and where it starts");
         let stack = self.memory(end, (start - end) as usize);
         stack.iter().skip_while(|&&byte| byte == 0xCC).count()
     }
@@ -170,6 +171,19 @@ fn write(line: &str) -> Option<(String, u32, u32)> {
     };
     Some((device.to_owned(), number("offset 0x")?, number("value 0x")?))
 }
+
+/// Flash and variables of an image, in bytes.
+///
+/// # Panics
+/// When it is none.
+#[must_use]
+pub fn size_of(image: &Path) -> (u64, u64) {
+    (elf::sections(image, &FLASH), elf::sections(image, &VARIABLES))
+}
+
+/// What has first values is in both.
+const FLASH: [&str; 4] = [".vector_table", ".text", ".rodata", ".data"];
+const VARIABLES: [&str; 3] = [".data", ".bss", ".uninit"];
 
 /// An image of the STM32F405 as `cargo xtask firmware` leaves it beside the tests.
 ///

@@ -32,21 +32,11 @@ pub struct Stm32 {
 }
 
 impl Stm32 {
-    /// Everything set up; the interrupts of the timer come from now on.
+    /// Everything set up, interrupts still off.
     pub fn start(chip: Chip) -> Self {
         const { assert!(Self::LIMITS.speckles as usize == SPECKLES) };
         const { assert!(Self::LIMITS.lags as usize == LAGS) };
-        timers::start(chip.prescaler());
-        defmt::info!(
-            "Phasewalk's trigger board: NOT WITH A SUBJECT (its timing was never measured)"
-        );
-        pins::start(chip.real);
-        serial::start();
-        if chip.real {
-            NEAR.with(Near::connect);
-        } else {
-            defmt::warn!("this is no STM32F405: outputs stay disconnected");
-        }
+        // Some milliseconds; before the clock starts, whose passes would be missed.
         let identity = Identity {
             model: if chip.real { Model::F405 } else { Model::Rehearsal },
             build: BUILD,
@@ -54,7 +44,18 @@ impl Stm32 {
             image_bytes: memory::image_bytes(),
             reset: chip.reset,
         };
+        timers::start(chip.prescaler());
+        defmt::info!(
+            "Phasewalk's trigger board: NOT WITH A SUBJECT (its timing was never measured)"
+        );
         defmt::info!("build {=u32:08x}, image {=u32:08x}", identity.build, identity.image);
+        pins::start(chip.real);
+        if chip.real {
+            NEAR.with(Near::connect);
+        } else {
+            defmt::warn!("this is no STM32F405: outputs stay disconnected");
+        }
+        serial::start();
         let taken = [Deque::new(), Deque::new(), Deque::new()];
         Self { identity, enabled: false, taken, told: [0; 3] }
     }

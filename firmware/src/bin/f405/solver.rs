@@ -11,6 +11,9 @@ use phasewalk_firmware::message::{Estimate, SPECKLE_BYTES};
 
 type Volume = Vec<Complex<f32>, SPECKLES>;
 
+/// Speckles copied while interrupts wait.
+const PIECE: usize = 4;
+
 /// Between passes and solver.
 struct Mailbox {
     /// Begin anew, with so many speckles and effective looks, before anything else.
@@ -45,22 +48,23 @@ pub fn begin(speckles: u16, looks: f32) -> bool {
 }
 
 /// Speckles of the next volume, from number `first` on; with the last one it is to be solved. False
-/// when it is not their turn.
+/// when it is not their turn. Interrupts wait for one speckle at a time only.
 pub fn samples(first: u16, bytes: &[u8]) -> bool {
     let (samples, rest) = bytes.as_chunks::<SPECKLE_BYTES>();
-    MAILBOX.with(|mailbox| {
-        let end = usize::from(first) + samples.len();
+    let end = usize::from(first) + samples.len();
+    let their_turn = MAILBOX.with(|mailbox| {
         let next = usize::from(first) == mailbox.volume.len();
-        let fit = end <= usize::from(mailbox.speckles);
-        if mailbox.is_full() || !rest.is_empty() || !next || !fit {
-            return false;
-        }
-        for sample in samples {
-            // There is room: `begin` has seen to it.
-            let _ = mailbox.volume.push(speckle(sample));
-        }
-        true
-    })
+        next && !mailbox.is_full() && end <= usize::from(mailbox.speckles)
+    });
+    if !their_turn || !rest.is_empty() {
+        return false;
+    }
+    for sample in samples {
+        let speckle = speckle(sample);
+        // There is room: `begin` has seen to it.
+        let _ = MAILBOX.with(|mailbox| mailbox.volume.push(speckle));
+    }
+    true
 }
 
 fn speckle(bytes: &[u8; SPECKLE_BYTES]) -> Complex<f32> {
@@ -79,10 +83,10 @@ pub fn run(stay_awake: bool) -> ! {
     let mut walk: Option<OnlineWalk<f32>> = None;
     let mut volume = Volume::new();
     loop {
-        let (begin, full) = take(&mut volume);
-        if let Some((speckles, looks)) = begin {
+        if let Some((speckles, looks)) = MAILBOX.with(|mailbox| mailbox.begin.take()) {
             walk = online_walk(speckles.into(), looks.into()).ok();
         }
+        let full = take(&mut volume);
         match &mut walk {
             Some(walk) if full => tell(solve(walk, &volume)),
             _ if stay_awake => idle(),
@@ -91,16 +95,27 @@ pub fn run(stay_awake: bool) -> ! {
     }
 }
 
-/// What waits: a new series, and whether there is a volume to be solved.
-fn take(volume: &mut Volume) -> (Option<(u16, f32)>, bool) {
-    MAILBOX.with(|mailbox| {
-        let full = mailbox.is_full();
-        if full {
-            volume.clone_from(&mailbox.volume);
-            mailbox.volume.clear();
+/// Take the volume that waits, if one does. Passes leave a full one alone, but a new series drops it;
+/// so it can be copied piece by piece, and interrupts wait for a piece only.
+fn take(volume: &mut Volume) -> bool {
+    volume.clear();
+    loop {
+        let (full, whole) = MAILBOX.with(|mailbox| {
+            let full = mailbox.is_full() && mailbox.begin.is_none();
+            let left = mailbox.volume.get(volume.len()..).unwrap_or(&[]);
+            for &speckle in left.iter().take(if full { PIECE } else { 0 }) {
+                let _ = volume.push(speckle);
+            }
+            let whole = full && volume.len() == usize::from(mailbox.speckles);
+            if whole {
+                mailbox.volume.clear();
+            }
+            (full, whole)
+        });
+        if whole || !full {
+            return whole;
         }
-        (mailbox.begin.take(), full)
-    })
+    }
 }
 
 /// For the next pass, unless a new series has begun meanwhile.
