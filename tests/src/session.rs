@@ -500,3 +500,25 @@ pub fn paper() -> Plan {
         },
     }
 }
+
+/// The same on the STM32F405, in its ticks; a sweep is as long as 512 frames of 1400 ticks.
+#[must_use]
+pub fn f405_paper() -> Plan {
+    let ms = Session::<F405>::MS;
+    let (second, interval, sweep) = (1000 * ms, 225 * ms, 512 * 1_400);
+    let mut plan = paper();
+    plan.interval = interval;
+    plan.laser.width = sweep;
+    plan.camera.width = 8_400;
+    if let Some(light) = &mut plan.stimulus {
+        light.on = 64 * interval + u64::from(sweep);
+    }
+    plan.caps = Caps {
+        laser_pulse: 10 * ms as u32,
+        laser_total: second,
+        stimulus_pulse: 20 * second,
+        stimulus_total: 20 * second,
+        ..plan.caps
+    };
+    plan
+}

@@ -78,6 +78,17 @@ pub fn model(model: Model) -> &'static str {
     }
 }
 
+/// What everyone should know before they use this board.
+#[must_use]
+pub fn caution(model: Model) -> Option<&'static str> {
+    match model {
+        Model::F405 => {
+            Some("not with a subject: this board's timing was never measured on hardware")
+        }
+        Model::Uno | Model::Rehearsal => None,
+    }
+}
+
 /// Eight hexadecimal digits.
 #[must_use]
 pub fn hex(hash: u32) -> String {

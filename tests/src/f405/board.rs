@@ -223,7 +223,7 @@ impl F405 {
     /// Drive a pin at exactly this tick, which must not have passed.
     pub fn drive_at(&mut self, tick: u64, pin: Pin, level: bool) {
         let cycle = tick.saturating_mul(CYCLES_PER_TICK).max(self.chip.cycle);
-        self.change(|chip| chip.planned.push(Planned { cycle, pin, drive: Some(level) }));
+        self.change(|chip| chip.plan(Planned { cycle, pin, drive: Some(level) }));
     }
 
     /// A jumper: the wire of `to` follows the wire of `from`.
@@ -250,6 +250,12 @@ impl F405 {
     #[must_use]
     pub fn level(&self, pin: Pin) -> bool {
         self.chip.wires.level(pin)
+    }
+
+    /// Whether the chip itself drives the pin, high or low.
+    #[must_use]
+    pub fn is_driven(&self, pin: Pin) -> bool {
+        self.chip.wires.is_driven(pin)
     }
 
     /// All edges on all wires since power-on or [`Self::forget_edges`]. Those of one pin are in
@@ -305,6 +311,11 @@ impl F405 {
         self.chip.read(address, 4).unwrap_or(0)
     }
 
+    /// Write a peripheral's register, as the program or a disturbance does.
+    pub fn set_register(&mut self, address: u32, value: u32) {
+        let _ = self.chip.write(address, value, 4);
+    }
+
     /// The core's registers.
     #[must_use]
     pub fn core(&self) -> &CoreRegisters {
@@ -321,6 +332,11 @@ impl F405 {
     pub fn set_pc(&mut self, pc: u32) -> u32 {
         self.processor.asleep = false;
         std::mem::replace(&mut self.processor.registers_mut().pc, pc)
+    }
+
+    /// Move the main stack elsewhere.
+    pub fn set_stack(&mut self, pointer: u32) {
+        self.processor.registers_mut().msp = pointer & !3;
     }
 
     /// A part of the program hangs from here on: it goes round an endless loop in flash that the

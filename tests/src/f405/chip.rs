@@ -13,7 +13,7 @@ use super::timer::{Change, Timer};
 use super::watchdog::Watchdog;
 use super::wires::Wires;
 use super::{CYCLES_PER_TICK, IDENTITY};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 
 /// Where the flash begins.
 pub const FLASH_START: u32 = 0x0800_0000;
@@ -83,7 +83,8 @@ pub struct Chip {
     pub unknown: BTreeMap<u32, Unknown>,
     /// DBGMCU_IDCODE.
     pub identity: u32,
-    pub planned: Vec<Planned>,
+    /// In the order of time.
+    planned: VecDeque<Planned>,
     reset: Option<Reset>,
 }
 
@@ -109,7 +110,7 @@ impl Chip {
             plain: BTreeMap::new(),
             unknown: BTreeMap::new(),
             identity: IDENTITY,
-            planned: Vec::new(),
+            planned: VecDeque::new(),
             reset: None,
         };
         chip.clocks.reset(Reset::PowerOn);
@@ -137,6 +138,12 @@ impl Chip {
             self.refresh_port(port, self.cycle);
         }
         self.settle();
+    }
+
+    /// Change what drives a pin later.
+    pub fn plan(&mut self, planned: Planned) {
+        let place = self.planned.partition_point(|other| other.cycle <= planned.cycle);
+        self.planned.insert(place, planned);
     }
 
     pub fn ask_reset(&mut self, cause: Reset) {
@@ -171,7 +178,7 @@ impl Chip {
     fn first_event(&self) -> Option<u64> {
         let timers = [self.timer_2.next(), self.timer_3.next()];
         let timers = timers.map(|tick| tick.map(|tick| tick * CYCLES_PER_TICK));
-        let planned = self.planned.iter().map(|planned| planned.cycle).min();
+        let planned = self.planned.front().map(|planned| planned.cycle);
         let others = [self.serial.next(), self.systick.next(), self.watchdog.due, planned];
         timers.into_iter().chain(others).flatten().min()
     }
@@ -179,8 +186,8 @@ impl Chip {
     /// Everything that is due at this cycle.
     fn happen(&mut self, at: u64) {
         let tick = at / CYCLES_PER_TICK;
-        while let Some(place) = self.planned.iter().position(|planned| planned.cycle <= at) {
-            let Planned { pin, drive, .. } = self.planned.remove(place);
+        while let Some(planned) = self.planned.pop_front_if(|planned| planned.cycle <= at) {
+            let Planned { pin, drive, .. } = planned;
             self.wires.outside(pin, drive, at);
             self.see_edges();
         }

@@ -46,6 +46,10 @@ impl Wires {
         self.wires[pin.index()].level
     }
 
+    pub fn is_driven(&self, pin: Pin) -> bool {
+        self.wires[pin.index()].chip.is_some()
+    }
+
     /// What the chip does to the pin from this cycle on.
     pub fn chip(&mut self, pin: Pin, drive: Option<bool>, pull: Option<bool>, cycle: u64) {
         let wire = &mut self.wires[pin.index()];

@@ -38,7 +38,7 @@ fn who(port: &str, hello: &Hello) -> String {
     } else {
         "not told".to_owned()
     };
-    [
+    let mut lines = vec![
         format!("board       {} at {port}", words::model(hello.model)),
         format!("firmware    {}, image {image}", words::version(hello.version)),
         format!("sources     {}", words::hex(hello.build)),
@@ -56,8 +56,9 @@ fn who(port: &str, hello: &Hello) -> String {
         format!("solver      {}", solver(limits)),
         format!("frame clock {}", frame_clock(limits)),
         format!("outputs     {}", outputs(hello.model)),
-    ]
-    .join("\n")
+    ];
+    lines.extend(words::caution(hello.model).map(|caution| format!("caution     {caution}")));
+    lines.join("\n")
 }
 
 fn solver(limits: &Limits) -> String {

@@ -77,6 +77,9 @@ pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     }
     let mut connection = arguments.line.open()?;
     let hello = connection.greet()?;
+    if let (Some(_), Some(caution)) = (&arguments.subject, words::caution(hello.model)) {
+        return Err(Error::failed(format!("{}: {caution}; use an Arduino Uno", connection.port)));
+    }
     let loaded = plan_file::load(&arguments.plan, &arguments.set, &hello.limits)?;
     let speckles = speckles(arguments, &hello, &loaded.plan)?;
     let mut book = Book::open(arguments)?;

@@ -46,6 +46,7 @@ impl Job<'_> {
         let ticks_per_second = self.hello.limits.ticks_per_second;
         let mut warnings = self.warnings.to_vec();
         warnings.extend(doubts(self.plan, &self.hello.limits, self.baud));
+        warnings.extend(words::caution(self.hello.model).map(str::to_owned));
         if self.plan.phase_limit.is_some() && !self.solves {
             let what = "the plan has a phase limit, but no volumes are streamed (--solve): another \
                         program must, or the limit is never reached";
