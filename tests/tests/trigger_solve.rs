@@ -6,7 +6,7 @@ use phasewalk::io::Shape;
 use phasewalk::trigger::log::{Ending, RunLog};
 use phasewalk_firmware::channel::Channel;
 use phasewalk_firmware::fault::Fault;
-use phasewalk_firmware::message::{Answer, Event, State};
+use phasewalk_firmware::message::{Answer, Event, Model, State};
 use phasewalk_firmware::rehearsal::AsF405;
 use phasewalk_tests::npy;
 use phasewalk_tests::program::Bench;
@@ -325,4 +325,20 @@ fn the_boards_solver_is_the_cores() {
     assert_eq!(board.solved(), None);
     assert!(board.samples(1, &bytes.repeat(11)));
     assert!(board.solved().is_some_and(|estimate| estimate.volume == 0));
+}
+
+// ---- not with a subject -----------------------------------------------------------------------
+
+#[test]
+fn a_board_whose_timing_was_never_measured_is_not_for_subjects() {
+    let (bench, board) = benches();
+    board.with(|world| world.device.board().identity.model = Model::F405);
+    let info = bench.succeed(&format!("trigger info --port {}", board.port)).stdout;
+    assert!(info.contains("not with a subject"), "{info}");
+    let with_subject = run(&board, "--ledger D.ndjson --subject A");
+    bench.run(&with_subject).refused(1, &["not with a subject", "Arduino Uno"]);
+    assert_eq!(bench.names(), ["F.npy", "M.npy"], "nothing was written");
+    let _ = bench.succeed(&run(&board, ""));
+    let warnings = log(&bench).header.warnings;
+    assert!(warnings.iter().any(|warning| warning.contains("not with a subject")), "{warnings:?}");
 }
