@@ -17,13 +17,13 @@ const CEILINGS: Ceilings = Ceilings {
 /// What the linker says when code that can panic is in the image (see its `main.rs`).
 const PANIC: &str = "the_image_has_code_that_can_panic";
 
-/// f405.elf and f405.bin, and f405-micromath.elf, whose solver uses micromath; and the proof that the
-/// linker refuses an image that can panic.
+/// f405.elf and f405.bin; f405-libm.elf and f405-micromath.elf, to measure their solvers beside its; and
+/// the proof that the linker refuses an image that can panic.
 pub(super) fn build(folder: &Path) -> Result {
     ARM_TOOLS.meet()?;
     RUST_SOURCES.meet()?;
-    let micromath = folder.join("f405-micromath.elf");
-    image(folder, "f405,micromath", &micromath)?;
+    image(folder, "f405,plain-f32", &folder.join("f405-libm.elf"))?;
+    image(folder, "f405,micromath", &folder.join("f405-micromath.elf"))?;
     refuses_to_panic(folder)?;
     let elf = folder.join("f405.elf");
     image(folder, "f405", &elf)?;

@@ -31,6 +31,7 @@
 //! interrupts.rs the interrupts, each a few lines
 //! timers.rs     TIM2 and TIM3: counter, registers of the outputs, frame clock
 //! solver.rs     speckles from the passes to the solver, phases back
+//! number.rs     what it calculates with
 //! serial.rs     USART6
 //! pins.rs       the simple pins as embedded-hal sees them
 //! chip.rs       which chip this is, its clocks, watchdog, cause of the reset
@@ -49,6 +50,8 @@ mod interrupts;
 mod log;
 mod memory;
 mod near;
+#[cfg(not(feature = "plain-f32"))]
+mod number;
 mod pins;
 mod registers;
 mod reset;

@@ -9,7 +9,13 @@ use num_complex::Complex;
 use phasewalk_core::online::{OnlineWalk, SPECKLES, online_walk, online_weights};
 use phasewalk_firmware::message::{Estimate, SPECKLE_BYTES};
 
-type Volume = Vec<Complex<f32>, SPECKLES>;
+#[cfg(not(feature = "plain-f32"))]
+use crate::number::Number;
+/// To measure what [`crate::number`] saves.
+#[cfg(feature = "plain-f32")]
+type Number = f32;
+
+type Volume = Vec<Complex<Number>, SPECKLES>;
 
 /// Speckles copied while interrupts wait.
 const PIECE: usize = 4;
@@ -67,9 +73,10 @@ pub fn samples(first: u16, bytes: &[u8]) -> bool {
     true
 }
 
-fn speckle(bytes: &[u8; SPECKLE_BYTES]) -> Complex<f32> {
+fn speckle(bytes: &[u8; SPECKLE_BYTES]) -> Complex<Number> {
     let [a, b, c, d, e, f, g, h] = *bytes;
-    Complex { re: f32::from_le_bytes([a, b, c, d]), im: f32::from_le_bytes([e, f, g, h]) }
+    let number = |bytes| Number::from(f32::from_le_bytes(bytes));
+    Complex { re: number([a, b, c, d]), im: number([e, f, g, h]) }
 }
 
 /// A volume that was solved.
@@ -80,7 +87,7 @@ pub fn solved() -> Option<Estimate> {
 /// Solve what comes, for ever; between, sleep or `stay_awake`, for emulators whose time jumps while the
 /// processor sleeps.
 pub fn run(stay_awake: bool) -> ! {
-    let mut walk: Option<OnlineWalk<f32>> = None;
+    let mut walk: Option<OnlineWalk<Number>> = None;
     let mut volume = Volume::new();
     loop {
         if let Some((speckles, looks)) = MAILBOX.with(|mailbox| mailbox.begin.take()) {
@@ -134,13 +141,13 @@ fn idle() {
     }
 }
 
-fn solve(walk: &mut OnlineWalk<f32>, volume: &Volume) -> Estimate {
+fn solve(walk: &mut OnlineWalk<Number>, volume: &Volume) -> Estimate {
     let begin = own_time();
     let estimate = walk.push(volume);
     Estimate {
         volume: estimate.frame as u32,
-        phase: estimate.phase_rad.to_bits(),
-        sigma: estimate.sigma_rad.to_bits(),
+        phase: f32::from(estimate.phase_rad).to_bits(),
+        sigma: f32::from(estimate.sigma_rad).to_bits(),
         took: own_time().wrapping_sub(begin),
     }
 }
