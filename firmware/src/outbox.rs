@@ -47,13 +47,17 @@ impl Outbox {
         self.reply = Some((number, reply));
     }
 
-    /// Tell what happened. What finds no room is lost, and counted.
+    /// Tell what happened. What finds no room is lost, and counted; how a run ended is not what is lost.
     #[inline(never)]
     pub fn tell(&mut self, event: Event) {
         self.number = self.number.wrapping_add(1);
-        if self.events.push_back(event).is_err() {
+        if self.events.is_full() {
             self.lost = self.lost.saturating_add(1);
+            if matches!(event, Event::Stopped { .. }) {
+                let _ = self.events.pop_front();
+            }
         }
+        let _ = self.events.push_back(event);
     }
 
     /// Events lost since the board started.

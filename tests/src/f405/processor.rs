@@ -174,10 +174,17 @@ impl Processor {
     /// Begin to serve an exception.
     pub fn enter(&mut self, number: u8, chip: &mut Chip) {
         self.asleep = false;
-        if let Err(fault) = self.push_frame(chip) {
-            self.crashed = Some(format!("{fault}, when an exception was entered"));
-            return;
-        }
+        let number = match self.push_frame(chip) {
+            // A hard fault instead; and one is served whether or not there is a stack.
+            Err(fault) if number > HARD_FAULT => {
+                self.last_fault = Some((fault, self.library.registers.pc));
+                chip.record(fault);
+                chip.system.hard_fault_status |= 1 << 30;
+                chip.exceptions.pend(HARD_FAULT, chip.cycle);
+                HARD_FAULT
+            }
+            _ => number,
+        };
         let vector = chip.system.vectors.wrapping_add(4 * u32::from(number));
         let Ok(handler) = chip.read(vector, 4) else {
             self.crashed = Some(format!("no vector at {vector:#010x}"));
@@ -207,9 +214,8 @@ impl Processor {
         let core = [registers.r0, registers.r1, registers.r2, registers.r3, registers.r12];
         let state = registers.psr.get() & !(1 << 9) | padded << 7;
         let words = core.into_iter().chain([registers.lr, registers.pc, state]);
-        for (at, word) in (frame..).step_by(4).zip(words) {
-            chip.write(at, word, 4)?;
-        }
+        let mut places = (0..).map(|word| frame.wrapping_add(4 * word)).zip(words);
+        let pushed = places.try_for_each(|(at, word)| chip.write(at, word, 4));
         let back = match (registers.psr.ipsr() != 0, registers.control.spsel()) {
             (true, _) => 0xffff_fff1,
             (false, false) => 0xffff_fff9,
@@ -217,6 +223,7 @@ impl Processor {
         };
         *registers.sp_mut() = frame;
         registers.lr = if self.float.used { back & !0x10 } else { back };
+        pushed?;
         if self.float.used {
             self.float.copy(chip, false, 0, 16, frame + 0x20)?;
             chip.write(frame + 0x60, self.float.status, 4)?;

@@ -1,7 +1,7 @@
 //! The interrupts, and the pass that one of them makes. Each but the pass is short.
 
 use crate::board::Stm32;
-use crate::chip::{PROCESSOR_HZ, feed_watchdog};
+use crate::chip::PROCESSOR_HZ;
 use crate::near::NEAR;
 use crate::registers::{exti, set};
 use crate::shared::Shared;
@@ -93,26 +93,4 @@ fn EXTI3() {
 #[interrupt]
 fn USART6() {
     serial::receive();
-}
-
-/// The crystal has failed: the chip goes on with another clock, and time is wrong.
-#[exception]
-unsafe fn NonMaskableInt() {
-    halt()
-}
-
-/// Memory that is not there, the stack's end among it, or an instruction that is none.
-#[exception]
-unsafe fn HardFault(_frame: &cortex_m_rt::ExceptionFrame) -> ! {
-    halt()
-}
-
-/// All outputs low until the watchdog starts the board again.
-fn halt() -> ! {
-    timers::all_low();
-    pins::disconnect();
-    feed_watchdog();
-    loop {
-        cortex_m::asm::nop();
-    }
 }

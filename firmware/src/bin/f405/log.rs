@@ -6,7 +6,7 @@
 
 use core::cell::UnsafeCell;
 use core::ptr::{addr_of_mut, write_volatile};
-use core::sync::atomic::{Ordering, compiler_fence};
+use core::sync::atomic::{AtomicU8, Ordering, compiler_fence};
 
 /// Bytes that wait to be taken: those of a whole run as the paper has it.
 const BYTES: usize = 16_384;
@@ -28,22 +28,23 @@ struct ControlBlock {
     flags: u32,
 }
 
-/// The channel and its encoder; used with interrupts disabled only.
+/// The channel and its encoder, used by who has begun a frame.
 struct Channel {
     encoder: UnsafeCell<defmt::Encoder>,
     /// Where in the buffer the next byte goes.
     write: UnsafeCell<usize>,
-    /// Interrupts were enabled when the frame began.
-    enabled: UnsafeCell<bool>,
+    /// Frames begun and not ended. Who interrupts a frame ends before it goes on, so the first one is
+    /// written and those within it are dropped.
+    begun: AtomicU8,
 }
 
-// SAFETY: one core, and interrupts are disabled from `acquire` to `release`.
+// SAFETY: cells are used by the first frame begun only, see `begun`.
 unsafe impl Sync for Channel {}
 
 static CHANNEL: Channel = Channel {
     encoder: UnsafeCell::new(defmt::Encoder::new()),
     write: UnsafeCell::new(0),
-    enabled: UnsafeCell::new(false),
+    begun: AtomicU8::new(0),
 };
 
 static mut BUFFER: [u8; BYTES] = [0; BYTES];
@@ -63,7 +64,7 @@ static mut _SEGGER_RTT: ControlBlock = ControlBlock {
 };
 
 fn put(bytes: &[u8]) {
-    // SAFETY: interrupts are disabled; `BUFFER` is written here only.
+    // SAFETY: called within the first frame begun; `BUFFER` is written here only.
     let (write, buffer) = unsafe { (&mut *CHANNEL.write.get(), addr_of_mut!(BUFFER).cast::<u8>()) };
     for &byte in bytes {
         // SAFETY: `write` is below `BYTES`.
@@ -75,36 +76,34 @@ fn put(bytes: &[u8]) {
 #[defmt::global_logger]
 struct Logger;
 
-// SAFETY: from `acquire` to `release` interrupts are disabled, so frames are not mixed; those who log
-// do not log from within.
+// SAFETY: frames are not mixed, see `begun`. Interrupts are never disabled: edges would be late.
 unsafe impl defmt::Logger for Logger {
     fn acquire() {
-        let enabled = cortex_m::register::primask::read().is_active();
-        cortex_m::interrupt::disable();
-        // SAFETY: interrupts are disabled.
-        unsafe {
-            *CHANNEL.enabled.get() = enabled;
-            (*CHANNEL.encoder.get()).start_frame(put);
+        if CHANNEL.begun.fetch_add(1, Ordering::SeqCst) == 0 {
+            // SAFETY: this is the first frame begun.
+            unsafe { (*CHANNEL.encoder.get()).start_frame(put) };
         }
     }
 
     unsafe fn flush() {}
 
     unsafe fn release() {
-        // SAFETY: as above; the bytes are there before the probe is told.
-        unsafe {
-            (*CHANNEL.encoder.get()).end_frame(put);
-            compiler_fence(Ordering::SeqCst);
-            write_volatile(addr_of_mut!(_SEGGER_RTT.write), *CHANNEL.write.get() as u32);
-            if *CHANNEL.enabled.get() {
-                cortex_m::interrupt::enable();
+        if CHANNEL.begun.load(Ordering::SeqCst) == 1 {
+            // SAFETY: as above; the bytes are there before the probe is told.
+            unsafe {
+                (*CHANNEL.encoder.get()).end_frame(put);
+                compiler_fence(Ordering::SeqCst);
+                write_volatile(addr_of_mut!(_SEGGER_RTT.write), *CHANNEL.write.get() as u32);
             }
         }
+        CHANNEL.begun.fetch_sub(1, Ordering::SeqCst);
     }
 
     unsafe fn write(bytes: &[u8]) {
-        // SAFETY: as above.
-        unsafe { (*CHANNEL.encoder.get()).write(bytes, put) };
+        if CHANNEL.begun.load(Ordering::SeqCst) == 1 {
+            // SAFETY: as above.
+            unsafe { (*CHANNEL.encoder.get()).write(bytes, put) };
+        }
     }
 }
 

@@ -36,6 +36,7 @@
 //! pins.rs       the simple pins as embedded-hal sees them
 //! chip.rs       which chip this is, its clocks, watchdog, cause of the reset
 //! reset.rs      the first instructions after reset
+//! crash.rs      what no program expects
 //! memory.rs     stack, hash of the program memory
 //! log.rs        defmt's logger, through RTT
 //! registers.rs  access to the registers
@@ -46,6 +47,7 @@
 
 mod board;
 mod chip;
+mod crash;
 mod interrupts;
 mod log;
 mod memory;

@@ -33,6 +33,7 @@ pub fn start(prescaler: u32) {
     set!(tim2().sr(), 0);
     set!(tim2().dier(), 0b1110);
     set!(tim2().cr1(), 1);
+    frame_clock(0);
 }
 
 /// The counter.
