@@ -53,7 +53,7 @@ impl Outbox {
         self.number = self.number.wrapping_add(1);
         if self.events.is_full() {
             self.lost = self.lost.saturating_add(1);
-            if matches!(event, Event::Stopped { .. }) {
+            if matches!(event, Event::Stopped { .. } | Event::Finished { .. }) {
                 let _ = self.events.pop_front();
             }
         }

@@ -536,3 +536,29 @@ fn the_counter_wraps_during_a_run() {
         assert_pins_on_plan(&session, &plan);
     }
 }
+
+/// The emulator runs at its own speed whatever the clocks are set to; so look at what they are set to.
+#[test]
+fn the_clocks_are_set_to_168_84_and_84_megahertz() {
+    let mut session = Session::new(F405::load(&f405_image()).expect("the image loads"));
+    session.run_for(10 * Session::<F405>::MS);
+    let mut register = |address| u64::from(session.board.register(address));
+    let (pll, clocks, flash) =
+        (register(0x4002_3804), register(0x4002_3808), register(0x4002_3C00));
+    // The chip's own 16 MHz into the PLL: / M * N / P.
+    assert_eq!(pll >> 22 & 1, 0, "without a crystal");
+    let divided = |bits: u64| 2 * ((bits & 0b11) + 1);
+    let system = 16_000_000 / (pll & 0x3F) * (pll >> 6 & 0x1FF) / divided(pll >> 16);
+    assert_eq!((clocks & 0b11, clocks >> 4 & 0xF), (0b10, 0), "all from the PLL, undivided");
+    // 1xx divides by 2, 4, 8, 16; a timer's clock is twice its bus's if that is divided.
+    let bus = |bits: u64| if bits & 0b100 == 0 { system } else { system >> ((bits & 0b11) + 1) };
+    let (apb1, apb2) = (bus(clocks >> 10), bus(clocks >> 13));
+    assert_eq!((system, 2 * apb1, apb2), (168_000_000, 84_000_000, 84_000_000));
+    assert!(flash & 0xF >= 5, "wait states for 168 MHz at 2.7 V and more");
+    assert_eq!(apb2 / register(0x4001_1408), 250_000, "baud");
+    assert_eq!(register(0x4000_0028), 0, "TIM2 counts every one of its clock's cycles");
+    // The supply: watched, below 2.9 V, by an interrupt.
+    assert_eq!(register(0x4000_7000) & 0xF0, 0xF0);
+    assert_eq!(register(0x4001_3C00) & 1 << 16, 1 << 16);
+    assert_eq!(register(0xE000_E100) & 1 << 1, 1 << 1);
+}

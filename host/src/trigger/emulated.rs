@@ -31,7 +31,7 @@ const PATIENCE: Duration = Duration::from_secs(10);
 #[derive(Debug)]
 pub struct EmulatedBoard {
     child: Child,
-    /// Closed, it tells the program to end; none: it must be killed.
+    /// Closed, it tells the program to end; so does the end of ours.
     stdin: Option<ChildStdin>,
     /// The terminal that it listens to.
     pub port: String,
@@ -53,9 +53,9 @@ impl EmulatedBoard {
         let simulator = Simulator::of(&image)?;
         let mut command = simulator.command(&image, jumpers)?;
         let program = PathBuf::from(command.get_program());
-        let stdin = if simulator.ends_with_stdin() { Stdio::piped() } else { Stdio::null() };
         // In a process group of its own, so that Ctrl-C leaves it alive to be aborted properly.
-        let spawned = command.stdin(stdin).stdout(Stdio::piped()).process_group(0).spawn();
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).process_group(0);
+        let spawned = command.spawn();
         let mut child = spawned.map_err(|error| simulator.cannot_start(&program, &error))?;
         let stdin = child.stdin.take();
         let mut board = Self { child, stdin, port: String::new() };

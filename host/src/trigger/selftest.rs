@@ -93,7 +93,7 @@ impl Verdict {
 
 fn defect(made: usize, spread: Option<&Spread>) -> Option<String> {
     let Some(spread) = spread else {
-        return Some("no edge was captured: is the jumper between D9 and D8?".to_owned());
+        return Some("no edge was captured: is the jumper there?".to_owned());
     };
     if spread.count != made {
         let count = spread.count;
@@ -102,7 +102,7 @@ fn defect(made: usize, spread: Option<&Spread>) -> Option<String> {
     if spread.min < 0 || spread.max > LONGEST_DELAY {
         return Some(format!(
             "captured {} to {} ticks after the edge, expected 0 to {LONGEST_DELAY}: something \
-             else drives D8",
+             else drives the input",
             spread.min, spread.max
         ));
     }

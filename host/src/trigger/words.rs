@@ -2,7 +2,8 @@
 
 use super::units;
 use phasewalk_firmware::fault::Fault;
-use phasewalk_firmware::message::{Model, Refusal, State};
+use phasewalk_firmware::limits::Limits;
+use phasewalk_firmware::message::{Hello, Model, Refusal, State};
 
 /// A refusal as the rest of a sentence, with what to do.
 #[must_use]
@@ -52,7 +53,7 @@ pub fn is_safe(state: &State) -> bool {
 #[must_use]
 pub fn advice(fault: Fault) -> String {
     let what = match fault {
-        Fault::Interlock => "close the safety loop between D2 and ground",
+        Fault::Interlock => "close the safety loop (Uno: from D2 to ground, STM32F405: from PC0)",
         Fault::InterlockStuck => "check the safety loop's wiring",
         Fault::NotReady => "arm the camera, or set ready = \"off\" in the plan if it is not wired",
         Fault::ReadBack => "an output is shorted or overloaded: check its wiring",
@@ -86,6 +87,17 @@ pub fn caution(model: Model) -> Option<&'static str> {
             Some("not with a subject: this board's timing was never measured on hardware")
         }
         Model::Uno | Model::Rehearsal => None,
+    }
+}
+
+/// What a jumper joins so that a board hears its own laser trigger: output and EXPOSE; none: it has no
+/// outputs.
+#[must_use]
+pub fn jumper(hello: &Hello) -> Option<(&'static str, &'static str)> {
+    match hello.model {
+        Model::F405 => Some(("PA0", "PA3")),
+        Model::Rehearsal if hello.limits == Limits::F405 => None,
+        Model::Uno | Model::Rehearsal => Some(("D9", "D8")),
     }
 }
 

@@ -4,9 +4,9 @@ use crate::registers::{change, dbgmcu, flash, iwdg, pwr, rcc, set};
 use phasewalk_firmware::fault::ResetCause;
 use phasewalk_firmware::limits::Limits;
 
-/// Device identifiers of the STM32F405 and its siblings (407, 415, 417); the second is what the first
-/// revision says by mistake.
-const IDENTIFIERS: [u32; 2] = [0x413, 0x411];
+/// Device identifier of the STM32F405 and its siblings (407, 415, 417). Their first revision says
+/// another chip's by mistake, and is taken for that.
+const IDENTIFIER: u32 = 0x413;
 
 /// The processor's clock.
 pub const PROCESSOR_HZ: u32 = 168_000_000;
@@ -49,7 +49,7 @@ impl Chip {
 /// Clocks up, watchdog on. Without its clocks a real chip stays here, outputs low, and the watchdog
 /// starts it again and again.
 pub fn start() -> Chip {
-    let real = IDENTIFIERS.contains(&(dbgmcu().idcode().read().bits() & 0xFFF));
+    let real = dbgmcu().idcode().read().bits() & 0xFFF == IDENTIFIER;
     let reset = reset_cause();
     start_watchdog();
     let running = start_clocks();
@@ -63,7 +63,8 @@ pub fn start() -> Chip {
 /// 168 MHz from the crystal or the chip's own 16 MHz.
 fn start_clocks() -> bool {
     change!(rcc().apb1enr(), 0, 1 << 28); // PWR
-    change!(pwr().cr(), 0, 1 << 14); // supply for full speed
+    // Supply for full speed; and below 2.9 V an interrupt, since full speed needs 2.7 V.
+    change!(pwr().cr(), 0, 1 << 14 | 0b111 << 5 | 1 << 4);
     set!(flash().acr(), 0b111 << 8 | 5); // caches, prefetch, 5 wait states
     let (megahertz, source) = match CRYSTAL_MHZ {
         Some(megahertz) => {
@@ -106,6 +107,8 @@ fn start_watchdog() {
     set!(iwdg().kr(), 0x5555);
     set!(iwdg().pr(), 0); // 32 kHz / 4
     set!(iwdg().rlr(), 200);
+    // It counts with its own oscillator: it has taken both over after some periods of that.
+    let _ = comes(|| iwdg().sr().read().bits() == 0);
     feed_watchdog();
 }
 

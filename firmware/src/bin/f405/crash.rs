@@ -1,8 +1,10 @@
-//! What no program expects: memory that is not there, an instruction that is none, a crystal that fails.
+//! What no program expects: memory that is not there, an instruction that is none, a crystal or a supply
+//! that fails.
 
 use crate::chip::feed_watchdog;
 use crate::{pins, timers};
 use cortex_m_rt::exception;
+use stm32f4::stm32f405::interrupt;
 
 // The stack may be what is wrong: its end is the end of the memory. So begin again at its start, before
 // anything is put onto it.
@@ -19,6 +21,12 @@ core::arch::global_asm!(
     ".text",
     halt = sym halt,
 );
+
+/// The supply is too low: what the processor does next is anybody's guess.
+#[interrupt]
+fn PVD() {
+    halt()
+}
 
 /// The crystal has failed: the chip goes on with another clock, and time is wrong.
 #[exception]

@@ -3,7 +3,7 @@
 use crate::board::Stm32;
 use crate::chip::PROCESSOR_HZ;
 use crate::near::NEAR;
-use crate::registers::{exti, set};
+use crate::registers::{change, exti, set};
 use crate::shared::Shared;
 use crate::{pins, serial, timers};
 use cortex_m::peripheral::scb::SystemHandler;
@@ -33,6 +33,7 @@ pub fn start(board: Stm32) {
     // SAFETY: no section of ours relies on priorities, only on interrupts being disabled.
     unsafe {
         for (interrupt, priority) in [
+            (Interrupt::PVD, EDGES),
             (Interrupt::TIM2, EDGES),
             (Interrupt::EXTI0, EDGES),
             (Interrupt::EXTI3, EDGES),
@@ -78,8 +79,12 @@ fn TIM2() {
 /// The interlock's loop has opened.
 #[interrupt]
 fn EXTI0() {
+    NEAR.with(|near| {
+        near.stop(Fault::Interlock);
+        // Once is enough; noise on the loop would leave no time for anything else.
+        change!(exti().imr(), pins::INTERLOCK, 0);
+    });
     set!(exti().pr(), pins::INTERLOCK);
-    NEAR.with(|near| near.stop(Fault::Interlock));
 }
 
 /// The start input has risen.

@@ -14,6 +14,9 @@ use registers::exti;
 /// An edge that was due so many ticks ago and has not interrupted is found by the next pass: 2 us.
 const MISSED: u32 = 168;
 
+/// A pin has followed its edge after so many ticks, 0.5 us: its driver, and its synchroniser.
+const SETTLED: u32 = 42;
+
 /// Edges from being near until they are made.
 pub struct Near {
     outputs: [Output<u32>; Channel::ALL.len()],
@@ -111,6 +114,7 @@ impl Near {
         let Some(output) = self.output(channel) else { return };
         let before = output.level();
         let Some(edge) = output.matched(now) else { return };
+        while connected && timers::counter().since(edge.tick) < SETTLED {}
         let read_back = !connected || timers::level(channel) == edge.high;
         if !read_back || edge.high == before {
             return self.stop(Fault::ReadBack);

@@ -1,5 +1,5 @@
-//! `f32` with the processor's own square root: a few instructions instead of a hundred, and the same bits,
-//! since IEEE 754 leaves no choice in either.
+//! `f32` with the processor's own square root: a few instructions instead of a hundred, and the same bits
+//! for all numbers from 0 on, since IEEE 754 leaves no choice in either.
 
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 use phasewalk_core::Scalar;
@@ -79,7 +79,7 @@ impl Scalar for Number {
                 square = in(reg) self.0.to_bits(),
                 saved = out(reg) _,
                 root = out(reg) root,
-                options(pure, nomem, nostack, preserves_flags)
+                options(pure, nomem, nostack)
             );
         }
         Self(f32::from_bits(root))

@@ -40,7 +40,7 @@ pub enum Command {
     Log(log::Arguments),
     /// Stream a series to the board's on-line solver and compare its phases with the same code here
     Solve(solve::Arguments),
-    /// The board measures its own edges, with a jumper from D9 to D8
+    /// The board measures its own edges, over a jumper
     Selftest(selftest::Arguments),
 }
 

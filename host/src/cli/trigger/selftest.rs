@@ -12,7 +12,9 @@ use crate::trigger::run::Run;
 use crate::trigger::run::job::Job;
 use crate::trigger::run::recorder::Recorder;
 use crate::trigger::selftest::{Verdict, plan};
+use crate::trigger::words;
 use phasewalk_firmware::compiled::Compiled;
+use phasewalk_firmware::message::Hello;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -33,9 +35,8 @@ pub struct Arguments {
     yes: bool,
 }
 
-/// What must be done by hand before.
-const BEFORE: &str =
-    "Unplug laser, camera and LED from the board, then put a jumper from D9 to D8.";
+/// The jumper of the emulated Uno.
+const EMULATED_JUMPER: &str = "D9-D8";
 
 pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     if let Some(log) = &arguments.log {
@@ -43,13 +44,23 @@ pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     }
     if !arguments.yes {
         confirm::check_terminal()?;
-        confirm::confirm(BEFORE)?;
     }
-    let mut connection = arguments.line.open_with(&["D9-D8"])?;
+    let mut connection = open(arguments)?;
+    let hello = connection.greet()?;
+    let Some(jumper) = words::jumper(&hello) else {
+        let port = &connection.port;
+        return Err(Error::failed(format!(
+            "{port}: this board runs without outputs to be measured"
+        )));
+    };
+    if !arguments.yes {
+        confirm::confirm(&before(jumper))?;
+    }
     let folder = tempfile::tempdir();
     let folder = folder.map_err(|e| Error::failed(format!("no temporary folder: {e}")))?;
     let nowhere = folder.path().join("selftest.ndjson");
-    let log = make(arguments, arguments.log.as_deref().unwrap_or(&nowhere), &mut connection)?;
+    let path = arguments.log.as_deref().unwrap_or(&nowhere);
+    let log = make(arguments, path, &mut connection, &hello, jumper)?;
     if log.summary.as_ref().is_some_and(|summary| summary.ending == Ending::Aborted) {
         progress::check()?;
     }
@@ -59,15 +70,35 @@ pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     report(&Verdict::of(&log), common)
 }
 
-fn make(arguments: &Arguments, path: &Path, connection: &mut Connection) -> Result<RunLog> {
-    let hello = connection.greet()?;
+/// An emulated Uno gets its jumper; the emulated STM32F405 has no pins for one.
+fn open(arguments: &Arguments) -> Result<Connection> {
+    match arguments.line.port.as_deref() {
+        Some("sim:f405") => arguments.line.open(),
+        _ => arguments.line.open_with(&[EMULATED_JUMPER]),
+    }
+}
+
+/// What must be done by hand before.
+fn before((output, input): (&str, &str)) -> String {
+    format!(
+        "Unplug laser, camera and LED from the board, then put a jumper from {output} to {input}."
+    )
+}
+
+fn make(
+    arguments: &Arguments,
+    path: &Path,
+    connection: &mut Connection,
+    hello: &Hello,
+    (output, input): (&str, &str),
+) -> Result<RunLog> {
     let per_second = hello.limits.ticks_per_second;
     let plan = plan(arguments.sweeps, per_second);
     let compiled = Compiled::new(&plan).ok_or_else(|| Error::failed("the plan is too long"))?;
     let header = Job {
         port: &connection.port,
         baud: arguments.line.baud,
-        hello: &hello,
+        hello,
         source: "selftest",
         name: "selftest",
         settings: &[],
@@ -75,7 +106,9 @@ fn make(arguments: &Arguments, path: &Path, connection: &mut Connection) -> Resu
         plan: &plan,
         compiled: &compiled,
         solves: false,
-        warnings: &["interlock and READY are off: a jumper from D9 to D8, nothing else".to_owned()],
+        warnings: &[format!(
+            "interlock and READY are off: a jumper from {output} to {input}, nothing else"
+        )],
     }
     .header();
     let run = Run {

@@ -15,7 +15,7 @@ use crate::trigger::solve::twin::Twin;
 use crate::trigger::solve::{Unsolved, begin, solve};
 use crate::trigger::speckles::Speckles;
 use crate::trigger::{units, words};
-use phasewalk_firmware::message::Hello;
+use phasewalk_firmware::message::{Hello, Model};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -154,15 +154,21 @@ fn report(hello: &Hello, speckles: &Speckles, rows: &[Row], comparison: &Compari
             small(*rms_rad)
         ),
         format!(
-            "solver: mean {} per volume, longest {}",
+            "solver: mean {} per volume, longest {}{}",
             units::rounded(comparison.mean_us * 1e-6),
-            units::rounded(comparison.longest_us * 1e-6)
+            units::rounded(comparison.longest_us * 1e-6),
+            if emulated(hello) { " (by the emulator's clock, not a board's)" } else { "" }
         ),
     ];
     if let Some(last) = rows.last() {
         lines.push(format!("last phase: {:.4} ± {:.4} rad", last.phase_rad, last.sigma_rad));
     }
     lines.join("\n")
+}
+
+/// Its time is not a board's.
+fn emulated(hello: &Hello) -> bool {
+    hello.model == Model::Rehearsal
 }
 
 /// Differences are often far below a thousandth.
@@ -191,6 +197,7 @@ fn facts(
         "first_other_volume": comparison.first_other,
         "largest_difference_rad": comparison.largest_rad,
         "rms_difference_rad": comparison.rms_rad,
+        "emulated": emulated(hello),
         "mean_us": comparison.mean_us,
         "longest_us": comparison.longest_us,
         "last_phase_rad": last.map(|row| row.phase_rad),

@@ -20,6 +20,11 @@ const QEMU: &str = "qemu-system-arm";
 const QEMU_ARGUMENTS: &str = "-M netduinoplus2 -icount shift=0,align=on,sleep=on -nographic \
     -monitor none -serial null -serial null -serial null -serial null -serial null -serial pty";
 
+/// QEMU does not listen to its standard input. So a shell does, and ends it when this program has ended,
+/// however that was.
+const UNTIL_STDIN_ENDS: &str =
+    "exec 3<&0; \"$0\" \"$@\" </dev/null & exec >&- 2>&-; read _ <&3; kill $!";
+
 /// `e_machine` of ARM in an ELF file.
 const ARM: u16 = 40;
 
@@ -57,7 +62,10 @@ impl Simulator {
                 Ok(command)
             }
             Self::Qemu if jumpers.is_empty() => {
-                let mut command = Command::new(QEMU);
+                let version = Command::new(QEMU).arg("--version").stdout(Stdio::null()).status();
+                version.map_err(|error| self.cannot_start(Path::new(QEMU), &error))?;
+                let mut command = Command::new("sh");
+                command.args(["-c", UNTIL_STDIN_ENDS, QEMU]);
                 command.args(QEMU_ARGUMENTS.split_whitespace()).arg("-kernel").arg(image);
                 // Newer ones tell the terminal there.
                 command.stderr(Stdio::piped());
@@ -68,11 +76,6 @@ impl Simulator {
                 format!("the emulated STM32F405 has no pins for the jumper {}", jumpers.join(", ")),
             )),
         }
-    }
-
-    /// Whether it ends when its standard input does.
-    pub(super) const fn ends_with_stdin(self) -> bool {
-        matches!(self, Self::Simavr)
     }
 
     /// The terminal at which its board listens, if this line names it.
