@@ -109,11 +109,14 @@ fn beyond_the_limit_the_line_is_raised_and_nothing_else_changes() {
 #[test]
 fn silence_of_the_solver_ends_the_run() {
     let silence = 5 * MS;
-    let mut desk = running(&limited(Action::Line, silence));
-    for volume in 0..6 {
+    let mut desk = Desk::with_solver();
+    desk.start(&limited(Action::Line, silence));
+    // Into the third sweep.
+    for volume in 0..15 {
         solve(&mut desk, volume, 0.0);
         assert_eq!(desk.device.state(), State::Running);
     }
+    assert!(desk.device.board().level(Channel::Stimulus));
     let last = desk.device.board().now;
     desk.run(2 * silence);
     assert_eq!(desk.device.state(), State::Faulted(Fault::NoPhase));

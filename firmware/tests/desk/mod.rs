@@ -166,6 +166,7 @@ impl<M: Rehearses> Desk<M> {
     /// Run until 1 ms into the third sweep of [`small`], when the light is on, too.
     pub fn run_to_third_sweep(&mut self) {
         while !self.device.board().level(Channel::Stimulus) {
+            assert_eq!(self.device.state(), State::Running);
             self.pass();
         }
         self.run(MS);
