@@ -125,16 +125,8 @@ fn fraction(text: &str) -> std::result::Result<f64, String> {
     if value.is_finite() { Ok(value) } else { Err(format!("'{text}' is not a finite number")) }
 }
 
-/// Refuse to write over one of the inputs, or into a folder that is not there.
+/// Refuse to write over one of the inputs.
 fn check_output(output: &Path, inputs: &[&Path]) -> Result<()> {
-    let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty());
-    if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
-        return Err(Error::usage(format!(
-            "-o {}: there is no folder {}; make it first",
-            output.display(),
-            folder.display()
-        )));
-    }
     let Ok(target) = output.canonicalize() else { return Ok(()) };
     for input in inputs {
         let Ok(source) = input.canonicalize() else { continue };
