@@ -139,7 +139,7 @@ pub enum Refusal {
     /// Something is not as it must be for a run.
     Unsafe(Fault),
     /// The board cannot solve, not so many speckles, or not these next: a volume's come in order, and
-    /// not before the volume before it is solved.
+    /// not while a whole one waits for the solver.
     Solver,
 }
 

@@ -43,9 +43,10 @@ test    Everything a change must pass: formatting, lints, the images of the boar
         As root on Debian it installs the packages it lacks; elsewhere it prints the line that
         does. Needs the network for the first run (crates, Python and Node packages).
 firmware
-        Builds the trigger boards' images (target/firmware/uno.elf, .hex, f405.elf, .bin) and the emulated
-        Uno (target/firmware/emulated-board, what `phasewalk trigger ... --port sim:` starts), and
-        prints flash and memory.
+        Builds the trigger boards' images (target/firmware/uno.elf, .hex, f405.elf, .bin), those
+        that only tests measure, and the emulated Uno (target/firmware/emulated-board, what
+        `phasewalk trigger ... --port sim:` starts). Prints flash and memory, holds them below
+        their ceilings, and sees that an image which can panic does not link.
 peers   Times `phasewalk phase` and the same method in NumPy + SciPy on the paper's scene, one
         after the other, and compares the images. Full size takes minutes and 3 GB of memory.
           --width PX    columns [default: 640]
