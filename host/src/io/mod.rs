@@ -12,6 +12,8 @@
 //! | `image` | phase images, strip by strip |
 //! | `field` | complex frames, one after the other |
 //! | `curve` | one phase per frame |
+//! | `unfinished` | a Zarr folder that outlives an interruption |
+//! | `volumes` | reconstructed volumes, sweep by sweep |
 //! | `describe` | what `phasewalk info` prints |
 //!
 //! Arrays are stored in C order with axes (time, z, y, x); times are in seconds, phases in radians.
@@ -26,6 +28,8 @@ mod mask;
 pub mod npy;
 mod shape;
 mod staged;
+mod unfinished;
+mod volumes;
 mod zarr;
 
 pub use curve::{CurveRow, write_curve};
@@ -36,6 +40,8 @@ pub use image::{ImageLayout, ImageWriter};
 pub use mask::read_mask;
 pub use shape::Shape;
 pub use staged::write_atomic;
+pub use unfinished::Unfinished;
+pub use volumes::{Companions, VolumesLayout, VolumesWriter};
 
 use crate::error::{Error, Result};
 use num_complex::Complex32;

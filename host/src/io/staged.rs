@@ -97,21 +97,26 @@ impl StagedFolder {
 
     /// Give the folder its final name; an earlier result is removed afterwards.
     pub(crate) fn finish(self) -> Result<()> {
-        refuse_foreign(&self.target)?;
         let old = self.temporary.path().join("old");
-        let report = |error| cannot_write(&self.target, &error, self.bytes);
-        let replaces = self.target.exists();
-        if replaces {
-            fs::rename(&self.target, &old).map_err(report)?;
-        }
-        if let Err(error) = fs::rename(self.path(), &self.target) {
-            if replaces {
-                fs::rename(&old, &self.target).map_err(report)?;
-            }
-            return Err(report(error));
-        }
-        Ok(())
+        replace_folder(&self.path(), &old, &self.target, self.bytes)
     }
+}
+
+/// Give the folder `new` the name `target`; an earlier result there is moved to `old`.
+pub(super) fn replace_folder(new: &Path, old: &Path, target: &Path, bytes: u64) -> Result<()> {
+    refuse_foreign(target)?;
+    let report = |error| cannot_write(target, &error, bytes);
+    let replaces = target.exists();
+    if replaces {
+        fs::rename(target, old).map_err(report)?;
+    }
+    if let Err(error) = fs::rename(new, target) {
+        if replaces {
+            fs::rename(old, target).map_err(report)?;
+        }
+        return Err(report(error));
+    }
+    Ok(())
 }
 
 /// Write a small file, such as a picture or a report, in one step.
@@ -127,7 +132,7 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<()> {
 }
 
 /// Only Zarr groups are replaced: a folder with anything else in it may be somebody's data.
-fn refuse_foreign(target: &Path) -> Result<()> {
+pub(super) fn refuse_foreign(target: &Path) -> Result<()> {
     match fs::metadata(target) {
         Err(_) => Ok(()),
         Ok(found) if !found.is_dir() => Err(Error::file(
@@ -143,7 +148,7 @@ fn refuse_foreign(target: &Path) -> Result<()> {
 }
 
 /// A link keeps its place: the file behind it is replaced.
-fn behind_links(target: &Path) -> PathBuf {
+pub(super) fn behind_links(target: &Path) -> PathBuf {
     if target.is_symlink() {
         fs::canonicalize(target).unwrap_or_else(|_| target.to_owned())
     } else {
@@ -178,7 +183,7 @@ pub(crate) fn cannot_open(path: &Path, error: &io::Error) -> Error {
 }
 
 /// An output whose folder does not take it.
-fn cannot_create(target: &Path, error: &io::Error) -> Error {
+pub(super) fn cannot_create(target: &Path, error: &io::Error) -> Error {
     let folder = folder_of(target).display();
     match error.kind() {
         ErrorKind::NotFound => Error::file(
