@@ -12,6 +12,9 @@
 //! | `image` | phase images, strip by strip |
 //! | `field` | complex frames, one after the other |
 //! | `curve` | one phase per frame |
+//! | `raw` | raw camera images, whatever file they lie in |
+//! | `photron` | recordings of Photron cameras |
+//! | `mapped` | windows of large files, mapped into memory |
 //! | `describe` | what `phasewalk info` prints |
 //!
 //! Arrays are stored in C order with axes (time, z, y, x); times are in seconds, phases in radians.
@@ -22,8 +25,11 @@ mod element;
 mod field;
 mod format;
 mod image;
+mod mapped;
 mod mask;
 pub mod npy;
+pub mod photron;
+mod raw;
 mod shape;
 mod staged;
 mod zarr;
@@ -34,6 +40,7 @@ pub use field::{FieldLayout, FieldWriter, Truth};
 pub use format::Format;
 pub use image::{ImageLayout, ImageWriter};
 pub use mask::read_mask;
+pub use raw::{RawFormat, RawImages, open_raw};
 pub use shape::Shape;
 pub use staged::write_atomic;
 
