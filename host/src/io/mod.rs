@@ -14,6 +14,9 @@
 //! | `curve` | one phase per frame |
 //! | `unfinished` | a Zarr folder that outlives an interruption |
 //! | `volumes` | reconstructed volumes, sweep by sweep |
+//! | `raw` | raw camera images, whatever file they lie in |
+//! | `photron` | recordings of Photron cameras |
+//! | `mapped` | windows of large files, mapped into memory |
 //! | `describe` | what `phasewalk info` prints |
 //!
 //! Arrays are stored in C order with axes (time, z, y, x); times are in seconds, phases in radians.
@@ -24,8 +27,11 @@ mod element;
 mod field;
 mod format;
 mod image;
+mod mapped;
 mod mask;
 pub mod npy;
+pub mod photron;
+mod raw;
 mod shape;
 mod staged;
 mod unfinished;
@@ -38,6 +44,7 @@ pub use field::{FieldLayout, FieldWriter, Truth};
 pub use format::Format;
 pub use image::{ImageLayout, ImageWriter};
 pub use mask::read_mask;
+pub use raw::{RawFormat, RawImages, open_raw};
 pub use shape::Shape;
 pub use staged::write_atomic;
 pub use unfinished::Unfinished;
