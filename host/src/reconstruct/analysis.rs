@@ -43,8 +43,6 @@ pub struct Analysis {
     pub isos: Vec<f32>,
     /// Depth of the outer-segment tips.
     pub ost: Vec<f32>,
-    /// Write whole volumes.
-    pub full: bool,
     /// Depth at which the IS/OS is put.
     pub flat: usize,
     /// Depths that are written.
@@ -72,13 +70,13 @@ pub fn analyse(
     let (jitter, jitter_sigma) = starts(plan, state, &motions);
     let apart = mean_distance(&surfaces);
     let behind = apart.round() as usize;
-    let (flat, depths, first) = if settings.full {
-        (0, 0..plan.images / 2, 0)
+    let (flat, depths) = if settings.full {
+        (centre(&surfaces.isos), 0..plan.images / 2)
     } else {
-        (FLAT, FLAT - MARGIN..FLAT + behind + MARGIN + 1, MARGIN)
+        (FLAT, FLAT - MARGIN..FLAT + behind + MARGIN + 1)
     };
+    let isos = flat - depths.start;
     let layer = |z: usize| [z - HALF_LAYER, z + HALF_LAYER];
-    let isos = if settings.full { centre(&surfaces.isos) } else { first };
     let analysis = Analysis {
         motions,
         sources: state.sources.clone(),
@@ -88,7 +86,6 @@ pub fn analyse(
         dispersion,
         isos: surfaces.isos.clone(),
         ost: surfaces.ost.clone(),
-        full: settings.full,
         flat,
         depths,
         layers: [layer(isos + behind), layer(isos)],

@@ -10,7 +10,7 @@ use super::lines::{self, Lines, spread};
 use super::settings::Settings;
 use super::spectrum::hann;
 use super::sweeps::{self, Sweep};
-use super::trace;
+use super::scan;
 use crate::error::{Error, Result};
 use crate::io::RawImages;
 use rustfft::FftPlanner;
@@ -54,7 +54,7 @@ pub fn prepare(
     expected_sweeps: Option<usize>,
 ) -> Result<Preparation> {
     let images = settings.images;
-    let trace = trace::read(raw)?;
+    let trace = scan::read(raw)?;
     let sweeps = sweeps::find(&trace, images, expected_sweeps)?;
     let good: Vec<usize> = (0..sweeps.len()).filter(|&i| sweeps[i].is_ok()).collect();
     if good.is_empty() {

@@ -107,12 +107,8 @@ impl<'a> SecondPass<'a> {
     fn find_shifts(&mut self, sweep: usize) {
         let Some(motion) = self.analysis.motions[sweep] else { return };
         let Grid { height, width, .. } = self.grid;
-        let Analysis { flat, full, .. } = *self.analysis;
+        let flat = self.analysis.flat;
         let down = motion.shift[0];
-        if full {
-            self.shifts.fill(down as f32);
-            return;
-        }
         let surface = &self.analysis.isos;
         self.shifts.par_iter_mut().enumerate().for_each(|(i, shift)| {
             let pixel = [(i / width) as f64, (i % width) as f64];

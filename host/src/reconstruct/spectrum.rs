@@ -92,6 +92,12 @@ impl Transform {
         })
     }
 
+    /// The direction it was made for.
+    #[must_use]
+    pub fn direction(&self) -> Direction {
+        self.direction
+    }
+
     /// |U| at `depths` of all pixels, (z, y, x).
     ///
     /// # Errors

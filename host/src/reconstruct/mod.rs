@@ -1,0 +1,43 @@
+//! Raw sweeps to complex volumes (paper lines 655-712).
+//!
+//! ```text
+//! recording ── scan ── sweeps ──┐
+//!           ── illumination ────┤ preparation ── first_pass ── analysis ── second_pass ── volumes
+//!           ── lines ── dispersion ┘                │              │            │
+//!                            background, spectrum, register, mean  │    background, spectrum, resample
+//!                                                        jitter, segment
+//! ```
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | `settings` | what the user says |
+//! | `counts`, `illumination`, `background` | the camera's side: counts, dead pixels, source and fixed fringes |
+//! | `scan`, `sweeps` | where each sweep begins, and what is wrong with it |
+//! | `lines`, `dispersion` | the phase that blurs depth |
+//! | `spectrum` | counts to depth |
+//! | `register`, `resample` | how the eye moved, and the motion undone |
+//! | `mean`, `segment` | averaged volume and its surfaces |
+//! | `jitter` | late starts of the camera |
+//! | `preparation`, `first_pass`, `analysis`, `second_pass`, `recording` | the order of work |
+
+pub mod analysis;
+pub mod background;
+pub mod counts;
+pub mod dispersion;
+pub mod first_pass;
+pub mod illumination;
+pub mod jitter;
+pub mod lines;
+pub mod mean;
+pub mod preparation;
+pub mod preview;
+pub mod recording;
+pub mod register;
+pub mod resample;
+pub mod scan;
+pub mod second_pass;
+pub mod segment;
+pub mod settings;
+pub mod spectrum;
+pub mod sweeps;
+
