@@ -1,0 +1,3 @@
+//! From raw sweeps to the retina's layers (paper, lines 655–712).
+
+pub mod register;
