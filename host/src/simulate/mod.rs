@@ -15,13 +15,13 @@
 
 mod aperture;
 mod autocorrelation;
-mod philox;
+pub(crate) mod philox;
 mod scatterers;
 mod scene;
 mod simd;
 mod speckle;
 mod stimulus;
-mod vector_math;
+pub(crate) mod vector_math;
 
 pub use autocorrelation::coherence_at_lags;
 pub use scene::SpeckleScene;
