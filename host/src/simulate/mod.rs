@@ -15,7 +15,7 @@
 
 mod aperture;
 mod autocorrelation;
-mod philox;
+pub(crate) mod philox;
 mod scatterers;
 mod scene;
 mod simd;
