@@ -10,11 +10,15 @@
 //! Only encoding can fail; nothing here touches the file system.
 
 pub mod axes;
+pub mod bscan;
 pub mod canvas;
 pub mod colormap;
 pub mod curves;
+pub mod decibel;
 pub mod geometry;
+pub mod grid;
 pub mod keys;
+pub mod layer;
 pub mod measured;
 pub mod method;
 pub mod online;
@@ -23,9 +27,11 @@ pub mod raster;
 pub mod scale;
 pub mod style;
 
+pub use bscan::{BScan, BScans, Surface};
 pub use canvas::Canvas;
 pub use colormap::ColorMap;
 pub use curves::{Curve, CurveColumn, Curves};
+pub use layer::Layer;
 pub use measured::{Measured, Profile};
 pub use method::Method;
 pub use online::Online;

@@ -60,6 +60,22 @@ impl Span {
         (value - self.low) / (self.high - self.low)
     }
 
+    /// The value as far from the upper end as this one is from the lower: what counts downwards.
+    #[must_use]
+    pub fn mirrored(&self, value: f64) -> f64 {
+        self.low + (self.high - value)
+    }
+
+    /// Round ticks of an axis that counts downwards.
+    #[must_use]
+    pub fn ticks_down(&self, most: usize) -> Vec<Tick> {
+        let mut ticks = self.ticks(most);
+        for tick in &mut ticks {
+            tick.value = self.mirrored(tick.value);
+        }
+        ticks
+    }
+
     /// At most about `most` ticks at round values: 1, 2 or 5 times a power of ten.
     #[must_use]
     pub fn ticks(&self, most: usize) -> Vec<Tick> {
