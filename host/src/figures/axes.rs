@@ -1,6 +1,6 @@
 //! A pair of axes: values to places, ticks, titles, curves and bands clipped to the frame.
 
-use super::canvas::{Anchor, Canvas, Stroke, TextStyle};
+use super::canvas::{Anchor, Canvas, Stroke, TextStyle, font};
 use super::colormap::Rgb;
 use super::geometry::{Point, Rect};
 use super::scale::{Span, Tick};
@@ -82,7 +82,8 @@ impl Axes {
             }
         }
         if let Some(title) = title {
-            let at = (left - 44.0, self.area.center().1);
+            let widths = ticks.iter().map(|tick| font::width(&tick.label, style::SMALL, false));
+            let at = (left - widths.fold(24.0, f64::max) - 20.0, self.area.center().1);
             canvas.label(at, title, TextStyle::new(style::TEXT, Anchor::Middle).upright());
         }
     }

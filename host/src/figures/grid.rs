@@ -24,7 +24,7 @@ const TOP: f64 = 34.0;
 /// Between neighbours.
 const GAP: f64 = 18.0;
 /// Most points for the images side by side, and one below the other.
-const ROOM: (f64, f64) = (1150.0, 720.0);
+const ROOM: (f64, f64) = (1150.0, 820.0);
 /// Largest side of an image pixel in points.
 const LARGEST: f64 = 4.0;
 /// Points per pixel of a drawing's PNG: an image pixel is a whole number of them.
