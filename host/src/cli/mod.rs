@@ -3,6 +3,7 @@
 mod demo;
 mod info;
 mod phase;
+mod reconstruct;
 mod simulate;
 mod trigger;
 
@@ -50,6 +51,8 @@ enum Command {
     /// Make a series with known truth
     #[command(subcommand)]
     Simulate(simulate::Scenes),
+    /// Camera recording of sweeps to complex volumes, aligned and flattened
+    Reconstruct(reconstruct::Arguments),
     /// Phase of a series: a curve over a mask, or images by a Gaussian average
     Phase(phase::Arguments),
     /// What a file holds
@@ -103,6 +106,7 @@ fn run(arguments: &Arguments) -> Result<()> {
     pool.install(|| match &arguments.command {
         Command::Demo(arguments) => demo::run(arguments, common),
         Command::Simulate(scene) => simulate::run(scene, common),
+        Command::Reconstruct(arguments) => reconstruct::run(arguments, common),
         Command::Phase(arguments) => phase::run(arguments, common),
         Command::Info(arguments) => info::run(arguments, common),
         Command::Trigger(command) => trigger::run(command, common),

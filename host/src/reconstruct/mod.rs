@@ -13,7 +13,7 @@
 //! | `settings` | what the user says |
 //! | `counts`, `illumination`, `background` | the camera's side: counts, dead pixels, source and fixed fringes |
 //! | `scan`, `sweeps` | where each sweep begins, and what is wrong with it |
-//! | `lines`, `dispersion` | the phase that blurs depth |
+//! | `lines`, `dispersion`, `sharpness`, `fringes`, `simplex` | the phase that blurs depth |
 //! | `spectrum` | counts to depth |
 //! | `register`, `resample` | how the eye moved, and the motion undone |
 //! | `mean`, `segment` | averaged volume and its surfaces |
@@ -25,6 +25,7 @@ pub mod background;
 pub mod counts;
 pub mod dispersion;
 pub mod first_pass;
+mod fringes;
 pub mod illumination;
 pub mod jitter;
 pub mod lines;
@@ -38,6 +39,8 @@ pub mod scan;
 pub mod second_pass;
 pub mod segment;
 pub mod settings;
+mod sharpness;
+mod simplex;
 pub mod spectrum;
 pub mod sweeps;
 

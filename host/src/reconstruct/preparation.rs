@@ -48,14 +48,10 @@ pub struct Preparation {
 ///
 /// # Errors
 /// When it cannot be read, holds no usable sweep, or the user interrupts.
-pub fn prepare(
-    raw: &dyn RawImages,
-    settings: &Settings,
-    expected_sweeps: Option<usize>,
-) -> Result<Preparation> {
+pub fn prepare(raw: &dyn RawImages, settings: &Settings) -> Result<Preparation> {
     let images = settings.images;
     let trace = scan::read(raw)?;
-    let sweeps = sweeps::find(&trace, images, expected_sweeps)?;
+    let sweeps = sweeps::find(&trace, images)?;
     let good: Vec<usize> = (0..sweeps.len()).filter(|&i| sweeps[i].is_ok()).collect();
     if good.is_empty() {
         let first = sweeps.first().map_or("nothing".to_owned(), |s| s.verdict.to_string());

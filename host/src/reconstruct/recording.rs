@@ -91,8 +91,7 @@ impl Job<'_> {
             )));
         }
         let clock = Clock::start();
-        let expected = self.times_s.as_ref().map(Vec::len);
-        let plan = preparation::prepare(self.raw, self.settings, expected)?;
+        let plan = preparation::prepare(self.raw, self.settings)?;
         self.check_times(&plan)?;
         let memory = self.memory(&plan);
         observer.prepared(&plan, memory);

@@ -4,7 +4,7 @@
 /// is found at depth z + dz and offset (dy, dx) + (ry cos a + rx sin a, rx cos a − ry sin a).
 ///
 /// The image centre is ((H − 1)/2, (W − 1)/2).
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Motion {
     /// Shift (dz, dy, dx) in pixels.
     pub shift: [f64; 3],

@@ -14,7 +14,7 @@ const FAR: f64 = 1.1;
 const ERROR: [f64; 3] = [0.8, 0.8, 0.8];
 
 /// Motion of a later sweep relative to an earlier one.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, serde::Serialize, serde::Deserialize)]
 pub struct PairMotion {
     /// The motion.
     pub motion: Motion,
