@@ -1,0 +1,3 @@
+//! Raw sweeps to the phase-carrying layers (paper lines 655–712).
+
+pub mod sweeps;
