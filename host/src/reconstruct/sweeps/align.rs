@@ -112,7 +112,8 @@ fn stretch_costs(
     units: &Units,
     costs: &mut [f32],
 ) {
-    template.prefix_costs(data, start, costs);
+    let limit = f64::from(units.cap) * template.period() as f64;
+    template.prefix_costs(data, start, limit, costs);
     let (mut dark, mut bright) = (LIGHT_PENALTY * units.noise, LIGHT_PENALTY * units.noise);
     for (m, cost) in costs.iter_mut().enumerate() {
         let image = start + m;

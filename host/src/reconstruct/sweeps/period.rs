@@ -12,7 +12,7 @@ const SHORTEST: usize = 8;
 const IMAGES: usize = 1 << 15;
 const GROUPS: usize = 16;
 /// A peak of the autocorrelation counts from this share of the highest on.
-const PEAK_SHARE: f64 = 0.9;
+const PEAK_SHARE: f64 = 0.95;
 /// Another period is the true one when the images one apart differ this many times less.
 const CLEARLY: f64 = 3.0;
 /// Differences at two lags are equal within this factor.

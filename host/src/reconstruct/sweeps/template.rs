@@ -122,11 +122,18 @@ impl Template {
     }
 
     /// Costs of fits of the 1, 2, .. images from `start` on, one per place of `costs`.
-    pub fn prefix_costs(&self, data: &Scaled, start: usize, costs: &mut [f32]) {
+    ///
+    /// Costs grow with the length: once above `limit` they are not followed any further.
+    pub fn prefix_costs(&self, data: &Scaled, start: usize, limit: f64, costs: &mut [f32]) {
+        costs.fill(f32::INFINITY);
         let mut sums = Sums::default();
-        for (m, cost) in costs.iter_mut().enumerate() {
+        for (m, to) in costs.iter_mut().enumerate() {
             self.add(&mut sums, data.image(start + m), m);
-            *cost = self.solve(&sums, m + 1).cost as f32;
+            let cost = self.solve(&sums, m + 1).cost;
+            if cost > limit {
+                return;
+            }
+            *to = cost as f32;
         }
     }
 
