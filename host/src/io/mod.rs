@@ -40,15 +40,18 @@ mod zarr;
 
 pub use curve::{CurveRow, write_curve};
 pub use describe::{ArrayDescription, Description, describe};
+pub(crate) use element::Element;
 pub use field::{FieldLayout, FieldWriter, Truth};
 pub use format::Format;
 pub use image::{ImageLayout, ImageWriter};
 pub use mask::read_mask;
 pub use raw::{RawFormat, RawImages, open_raw};
 pub use shape::Shape;
+pub(crate) use staged::StagedFolder;
 pub use staged::write_atomic;
 pub use unfinished::Unfinished;
 pub use volumes::{Companions, VolumesLayout, VolumesWriter};
+pub(crate) use zarr::GroupWriter;
 
 use crate::error::{Error, Result};
 use num_complex::Complex32;

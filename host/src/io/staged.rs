@@ -57,25 +57,37 @@ impl StagedFile {
     }
 }
 
-/// A Zarr folder on its way to its final name.
+/// A folder on its way to its final name.
 ///
 /// The temporary folder holds `new`, the result, and while the two change places `old`.
 pub(crate) struct StagedFolder {
     temporary: TempDir,
     target: PathBuf,
     bytes: u64,
+    /// Refuses an existing target that is not ours to replace.
+    refuse_foreign: fn(&Path) -> Result<()>,
 }
 
 impl StagedFolder {
-    /// Begin a folder of at most about `bytes` bytes.
+    /// Begin a Zarr folder of at most about `bytes` bytes.
     pub(crate) fn create(target: &Path, bytes: u64) -> Result<Self> {
+        Self::create_unless(target, bytes, refuse_foreign)
+    }
+
+    /// Begin a folder of at most about `bytes` bytes, unless `refuse_foreign` is against replacing
+    /// what is there.
+    pub(crate) fn create_unless(
+        target: &Path,
+        bytes: u64,
+        refuse_foreign: fn(&Path) -> Result<()>,
+    ) -> Result<Self> {
         let target = behind_links(target);
         refuse_foreign(&target)?;
         let temporary = Builder::new()
             .prefix(&partial_name(&target)?)
             .tempdir_in(folder_of(&target))
             .map_err(|error| cannot_create(&target, &error))?;
-        let staged = Self { temporary, target, bytes };
+        let staged = Self { temporary, target, bytes, refuse_foreign };
         fs::create_dir(staged.path()).map_err(|error| cannot_create(&staged.target, &error))?;
         Ok(staged)
     }
@@ -97,6 +109,7 @@ impl StagedFolder {
 
     /// Give the folder its final name; an earlier result is removed afterwards.
     pub(crate) fn finish(self) -> Result<()> {
+        (self.refuse_foreign)(&self.target)?;
         let old = self.temporary.path().join("old");
         replace_folder(&self.path(), &old, &self.target, self.bytes)
     }
@@ -104,7 +117,6 @@ impl StagedFolder {
 
 /// Give the folder `new` the name `target`; an earlier result there is moved to `old`.
 pub(super) fn replace_folder(new: &Path, old: &Path, target: &Path, bytes: u64) -> Result<()> {
-    refuse_foreign(target)?;
     let report = |error| cannot_write(target, &error, bytes);
     let replaces = target.exists();
     if replaces {

@@ -88,6 +88,7 @@ impl Unfinished {
     /// # Errors
     /// When the folder cannot be renamed.
     pub fn finish(self) -> Result<()> {
+        refuse_foreign(&self.target)?;
         replace_folder(&self.path(), &self.folder.join("old"), &self.target, self.bytes)?;
         fs::remove_dir_all(&self.folder)
             .map_err(|error| cannot_write(&self.target, &error, self.bytes))

@@ -1,0 +1,1 @@
+//! The whole recording against what it was made from.
