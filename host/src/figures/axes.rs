@@ -87,6 +87,20 @@ impl Axes {
         }
     }
 
+    /// Round ticks right of the frame, for the values times `factor`, with numbers and a title.
+    pub fn right_axis(&self, canvas: &mut Canvas, factor: f64, title: &str) {
+        let right = self.area.right();
+        let scaled = Span::new(self.y.low * factor, self.y.high * factor);
+        let note = TextStyle::new(style::SMALL, Anchor::Start);
+        for tick in scaled.ticks((self.area.h / 28.0) as usize) {
+            let y = self.area.bottom() - scaled.position(tick.value) * self.area.h;
+            canvas.line([(right, y), (right + TICK, y)], Stroke::solid(style::INK, 1.0));
+            canvas.label((right + 7.0, y), &tick.label, note);
+        }
+        let at = (right + 50.0, self.area.center().1);
+        canvas.label(at, title, TextStyle::new(style::TEXT, Anchor::Middle).upright());
+    }
+
     /// A line across the frame at one value.
     pub fn level(&self, canvas: &mut Canvas, value: f64, stroke: Stroke) {
         let ends = [(self.x.low, value), (self.x.high, value)];

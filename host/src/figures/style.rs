@@ -25,6 +25,13 @@ pub const ONE_STEP: Rgb = [0, 158, 115];
 /// Extended Knox-Thompson, the walk (blue).
 pub const EXTENDED: Rgb = [0, 114, 178];
 
+/// What [`DIRECT`] is called.
+pub const DIRECT_NAME: &str = "direct difference";
+/// What [`ONE_STEP`] is called.
+pub const ONE_STEP_NAME: &str = "one-step Knox\u{2013}Thompson";
+/// What [`EXTENDED`] is called.
+pub const EXTENDED_NAME: &str = "extended Knox\u{2013}Thompson";
+
 /// A colour mixed with the page: `share` 1 is the colour, 0 the page.
 #[must_use]
 pub fn tint(color: Rgb, share: f64) -> Rgb {

@@ -35,6 +35,7 @@ pub use format::Format;
 pub use image::{ImageLayout, ImageWriter};
 pub use mask::read_mask;
 pub use shape::Shape;
+pub(crate) use staged::StagedFile;
 pub use staged::write_atomic;
 
 use crate::error::{Error, Result};
@@ -68,9 +69,19 @@ pub trait Series: Send + Sync {
         None
     }
 
+    /// Which frames can be used, one flag per frame, where the file knows (Zarr array `sweep_ok`).
+    fn sweep_ok(&self) -> Option<&[bool]> {
+        None
+    }
+
+    /// What the file says beside the field (attribute of the Zarr array, else of its group).
+    fn attribute(&self, _name: &str) -> Option<&serde_json::Value> {
+        None
+    }
+
     /// Wavelength, where the file knows it (Zarr attribute `wavelength_nm`).
     fn wavelength_nm(&self) -> Option<f64> {
-        None
+        self.attribute("wavelength_nm").and_then(serde_json::Value::as_f64)
     }
 }
 
