@@ -7,6 +7,7 @@
 //! | [`tolerance`] | every tolerance of the tests, with its reason |
 //! | [`random`] | seeded random numbers |
 //! | [`recording`] | complex series to be evaluated |
+//! | [`volumes`] | groups of reconstructed volumes |
 //! | [`library`] | the host library's curves and images of a recording |
 //! | [`program`] | the `phasewalk` program, driven as a user does |
 //! | [`rehearsed_board`] | the trigger board's own program behind a pseudo-terminal |
@@ -37,4 +38,5 @@ pub mod rehearsed_board;
 #[cfg(feature = "emulated-boards")]
 pub mod session;
 pub mod tolerance;
+pub mod volumes;
 pub mod wide;

@@ -130,13 +130,13 @@ fn fraction(text: &str) -> std::result::Result<f64, String> {
 }
 
 /// Refuse to write over one of the inputs.
-fn check_output(output: &Path, inputs: &[&Path]) -> Result<()> {
+fn check_output(flag: &str, output: &Path, inputs: &[&Path]) -> Result<()> {
     let Ok(target) = output.canonicalize() else { return Ok(()) };
     for input in inputs {
         let Ok(source) = input.canonicalize() else { continue };
         if source == target || source.starts_with(&target) || target.starts_with(&source) {
             return Err(Error::usage(format!(
-                "-o {}: is the input {}; give another name",
+                "{flag} {}: is the input {}; give another name",
                 output.display(),
                 input.display()
             )));

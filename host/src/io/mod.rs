@@ -47,7 +47,7 @@ pub use image::{ImageLayout, ImageWriter};
 pub use mask::read_mask;
 pub use raw::{RawFormat, RawImages, open_raw};
 pub use shape::Shape;
-pub(crate) use staged::StagedFolder;
+pub(crate) use staged::{StagedFile, StagedFolder};
 pub use staged::write_atomic;
 pub use unfinished::Unfinished;
 pub use volumes::{Companions, VolumesLayout, VolumesWriter};
@@ -84,9 +84,19 @@ pub trait Series: Send + Sync {
         None
     }
 
+    /// Which frames can be used, one flag per frame, where the file knows (Zarr array `sweep_ok`).
+    fn sweep_ok(&self) -> Option<&[bool]> {
+        None
+    }
+
+    /// What the file says beside the field (attribute of the Zarr array, else of its group).
+    fn attribute(&self, _name: &str) -> Option<&serde_json::Value> {
+        None
+    }
+
     /// Wavelength, where the file knows it (Zarr attribute `wavelength_nm`).
     fn wavelength_nm(&self) -> Option<f64> {
-        None
+        self.attribute("wavelength_nm").and_then(serde_json::Value::as_f64)
     }
 }
 
