@@ -15,12 +15,13 @@ mod template;
 mod trace;
 mod verdict;
 
+pub(super) use scaled::quantile;
 pub use trace::Trace;
 pub use verdict::Verdict;
 
 use crate::error::{Error, Result};
 use align::{Units, align};
-use scaled::{Scaled, noise_of_repeat, quantile};
+use scaled::{Scaled, noise_of_repeat};
 use template::Template;
 
 /// One sweep in the recording.
@@ -48,6 +49,8 @@ impl Sweep {
 
 /// Alignments with ever better median sweeps.
 const PASSES: usize = 3;
+/// Earliest and latest start, without outliers.
+const DELAY_QUANTILES: [f64; 2] = [0.02, 0.98];
 /// Least contrast of the median sweep, in units of the noise, to tell where it begins.
 const LEAST_CONTRAST: f64 = 0.5;
 
@@ -82,8 +85,12 @@ pub fn find(trace: &Trace, images_per_sweep: usize) -> Result<Vec<Sweep>> {
     }
     let template = begin::first_image(&data, &cycle, run[0]);
     let sweeps = refine(trace, &data, template);
-    let good = sweeps.iter().filter(|sweep| sweep.verdict == Verdict::Ok).count();
-    if 2 * good < sweeps.len() {
+    let count = |wanted: fn(&Verdict) -> bool| {
+        sweeps.iter().filter(|sweep| wanted(&sweep.verdict)).count()
+    };
+    let good = count(|verdict| *verdict == Verdict::Ok);
+    let short = count(|verdict| matches!(verdict, Verdict::Short { .. }));
+    if 2 * good < sweeps.len() || short > sweeps.len().div_ceil(3) {
         return Err(period::not_repeating(trace, &data, period, good, sweeps.len()));
     }
     Ok(sweeps)
@@ -94,22 +101,37 @@ fn refine(trace: &Trace, data: &Scaled, mut template: Template) -> Vec<Sweep> {
     let mut units = Units::first(&template);
     let mut bounds = align(data, &template, data.images(), &units).bounds;
     for _ in 0..PASSES {
-        let fits = verdict::good_fits(data, &template, &bounds, &units);
-        if fits.len() < 2 {
+        let Some(next) = improved(data, &template, &bounds, &units) else { break };
+        (template, units) = next;
+        let again = align(data, &template, data.images(), &units).bounds;
+        if again == bounds {
             break;
         }
-        let starts: Vec<usize> = fits.iter().map(|&(start, _)| start).collect();
-        let period = template.period();
-        template = Template::median(data, &starts, period);
-        let misfit = quantile(fits.iter().map(|(_, fit)| fit.cost), 0.5);
-        units = Units::of_noise(misfit / period as f64, period);
-        let next = align(data, &template, data.images(), &units).bounds;
-        if next == bounds {
-            break;
-        }
-        bounds = next;
+        bounds = again;
     }
     verdict::judge(trace, data, &template, &bounds)
+}
+
+/// The median of the good sweeps in the middle of their delays, and their usual misfit.
+fn improved(
+    data: &Scaled,
+    template: &Template,
+    bounds: &[usize],
+    units: &Units,
+) -> Option<(Template, Units)> {
+    let period = template.period();
+    let good: Vec<usize> =
+        verdict::good_fits(data, template, bounds, units).iter().map(|&(start, _)| start).collect();
+    if good.len() < 2 {
+        return None;
+    }
+    let median = Template::median(data, &good, period);
+    let delays = || good.iter().map(|&start| median.fit(data, start, period).delay);
+    let middle = DELAY_QUANTILES.map(|share| quantile(delays(), share)).iter().sum::<f64>() / 2.0;
+    let template = median.centred(middle);
+    let misfit =
+        quantile(good.iter().map(|&start| template.fit(data, start, period).cost), 0.5);
+    Some((template, Units::of_noise(misfit / period as f64, period)))
 }
 
 fn back_to_back(images: usize, period: usize) -> Vec<usize> {

@@ -21,7 +21,7 @@ const EQUALLY: f64 = 1.5;
 /// Refuses a K that is not the period of the data.
 pub(super) fn check(trace: &Trace, data: &Scaled, period: usize) -> Result<()> {
     check_divisors(data, period)?;
-    match found(trace) {
+    match found(trace, 2 * period) {
         Some(other) if other % period != 0 && period % other != 0 => {
             let better = CLEARLY * unrest(data, other) < unrest(data, period);
             if better { Err(wrong(other, period)) } else { Ok(()) }
@@ -55,7 +55,7 @@ pub(super) fn not_repeating(
     good: usize,
     sweeps: usize,
 ) -> Error {
-    match found(trace) {
+    match found(trace, 2 * period) {
         Some(other) if other != period && unrest(data, other) < unrest(data, period) => {
             wrong(other, period)
         }
@@ -79,14 +79,15 @@ fn unrest(data: &Scaled, lag: usize) -> f64 {
     quantile((0..pairs).map(|image| f64::from(data.distance(image, image + lag))), 0.5)
 }
 
-/// The shortest period with (nearly) the highest autocorrelation.
-fn found(trace: &Trace) -> Option<usize> {
+/// The shortest period with (nearly) the highest autocorrelation, apart from all that is slower
+/// than `window` images.
+fn found(trace: &Trace, window: usize) -> Option<usize> {
     let images = trace.images().min(IMAGES);
     let longest = images / 2;
     if longest <= SHORTEST {
         return None;
     }
-    let correlation = autocorrelation(trace, images);
+    let correlation = autocorrelation(trace, images, window);
     let unbiased: Vec<f64> =
         (0..longest).map(|lag| correlation[lag] * images as f64 / (images - lag) as f64).collect();
     let rises = (1..longest).find(|&lag| unbiased[lag] > unbiased[lag - 1])?;
@@ -99,14 +100,14 @@ fn found(trace: &Trace) -> Option<usize> {
 }
 
 /// Sum over the groups of the autocorrelation, each group normalised and without outliers.
-fn autocorrelation(trace: &Trace, images: usize) -> Vec<f64> {
+fn autocorrelation(trace: &Trace, images: usize, window: usize) -> Vec<f64> {
     let length = (2 * images).next_power_of_two();
     let mut planner = FftPlanner::<f32>::new();
     let (forward, inverse) = (planner.plan_fft_forward(length), planner.plan_fft_inverse(length));
     let mut power = vec![Complex::new(0.0, 0.0); length];
     for channel in 0..trace.channels().min(GROUPS) {
         let mut values = vec![Complex::new(0.0, 0.0); length];
-        for (to, value) in values.iter_mut().zip(normalised(trace, channel, images)) {
+        for (to, value) in values.iter_mut().zip(normalised(trace, channel, images, window)) {
             to.re = value;
         }
         forward.process(&mut values);
@@ -118,10 +119,19 @@ fn autocorrelation(trace: &Trace, images: usize) -> Vec<f64> {
     power.iter().take(images).map(|value| f64::from(value.re)).collect()
 }
 
-/// One group about its median, clipped where the rare bad sweeps are.
-fn normalised(trace: &Trace, channel: usize, images: usize) -> Vec<f32> {
-    let values = || (0..images).map(|image| f64::from(trace.image(image)[channel]));
-    let [low, middle, high] = [0.1, 0.5, 0.9].map(|share| quantile(values(), share));
+/// One group without its slow changes, clipped where the rare bad sweeps are.
+fn normalised(trace: &Trace, channel: usize, images: usize, window: usize) -> Vec<f32> {
+    let value = |image: usize| f64::from(trace.image(image)[channel]);
+    let mut sums = vec![0.0];
+    for image in 0..images {
+        sums.push(sums[image] + value(image));
+    }
+    let fast = |image: usize| {
+        let (from, to) = (image.saturating_sub(window / 2), (image + window / 2).min(images));
+        value(image) - (sums[to] - sums[from]) / (to - from).max(1) as f64
+    };
+    let fast: Vec<f64> = (0..images).map(fast).collect();
+    let [low, high] = [0.1, 0.9].map(|share| quantile(fast.iter().copied(), share));
     let width = (high - low).max(f64::MIN_POSITIVE);
-    values().map(|value| ((value - middle) / width).clamp(-1.0, 1.0) as f32).collect()
+    fast.iter().map(|value| (value / width).clamp(-1.0, 1.0) as f32).collect()
 }

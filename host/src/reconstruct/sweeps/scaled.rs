@@ -79,7 +79,7 @@ pub(super) fn noise_of_repeat(trace: &Trace, period: usize) -> Vec<f64> {
 }
 
 /// The value below which `share` of the values lie; 0 of none.
-pub(super) fn quantile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
+pub(in crate::reconstruct) fn quantile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
     let mut values: Vec<f64> = values.collect();
     if values.is_empty() {
         return 0.0;

@@ -6,8 +6,10 @@ use super::scaled::{LANES, Scaled, quantile};
 const LARGEST_GAIN: f64 = 0.25;
 /// 1/variance of the gain's prior (10 %).
 const GAIN_PRIOR: f64 = 100.0;
-/// A free-running camera starts up to one image late: half an image to either side of the median.
+/// A free-running camera starts up to one image late: half an image to either side of the middle.
 const LARGEST_DELAY: f64 = 0.55;
+/// The same while the middle is not known: a few sweeps may all have been late.
+const LARGEST_UNCENTRED_DELAY: f64 = 0.8;
 /// 1/variance of the delay's prior (half an image).
 const DELAY_PRIOR: f64 = 4.0;
 
@@ -22,6 +24,8 @@ pub(super) struct Template {
     /// Running sums over m of |T|², T·T', |T'|²: K + 1.
     moments: Vec<[f64; 3]>,
     stride: usize,
+    /// Largest delay that a fit may take up.
+    largest_delay: f64,
 }
 
 /// How a stretch of images fits the beginning of a sweep.
@@ -64,7 +68,7 @@ impl Template {
                 rise / (after - before).max(1) as f32
             })
             .collect();
-        let mut template = Self { level, slope, brightness, moments: vec![[0.0; 3]], stride };
+        let mut template = Self { level, slope, brightness, moments: vec![[0.0; 3]], stride, largest_delay: LARGEST_UNCENTRED_DELAY };
         for m in 0..period {
             let (level, slope) = template.image(m);
             let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a * b)).sum();
@@ -87,6 +91,15 @@ impl Template {
         let mut brightness = self.brightness.clone();
         brightness.rotate_left(phase);
         Self::new(level, brightness, self.stride)
+    }
+
+    /// The sweep of a camera that starts `delay` later than this one, the middle of all delays.
+    pub fn centred(&self, delay: f64) -> Self {
+        let shifted = |(level, slope): (&f32, &f32)| level + delay as f32 * slope;
+        let level = self.level.iter().zip(&self.slope).map(shifted).collect();
+        let mut centred = Self::new(level, self.brightness.clone(), self.stride);
+        centred.largest_delay = LARGEST_DELAY;
+        centred
     }
 
     /// Level and slope of image m.
@@ -162,7 +175,7 @@ impl Template {
         let (level, slope) = (level + GAIN_PRIOR, slope + DELAY_PRIOR);
         let determinant = level * slope - cross * cross;
         let free = (by_slope * level - by_level * cross) / determinant;
-        let delay = free.clamp(-LARGEST_DELAY, LARGEST_DELAY);
+        let delay = free.clamp(-self.largest_delay, self.largest_delay);
         let gain = ((by_level - delay * cross) / level).clamp(-LARGEST_GAIN, LARGEST_GAIN);
         let cost = square - 2.0 * (gain * by_level + delay * by_slope)
             + gain * gain * level
