@@ -53,9 +53,10 @@ pub fn read(
             let mut counts = vec![0; images * width];
             raw.read(first..first + images, y..y + 1, &mut counts)?;
             let pixels = y * width..(y + 1) * width;
+            let dead = &illumination.dead[pixels.clone()];
             let rest =
-                free_of_background(&counts, &illumination.pixels[pixels.clone()], images);
-            let live = |&&x: &&usize| !illumination.dead[y * width + x];
+                free_of_background(&counts, &illumination.pixels[pixels], dead, images);
+            let live = |&&x: &&usize| !dead[x];
             let columns: Vec<usize> = columns.iter().filter(live).copied().collect();
             let spectrum = |&x: &usize| (0..images).map(move |m| m * width + x);
             let spectra = columns.iter().flat_map(|x| spectrum(x).map(|i| rest[i])).collect();
@@ -72,19 +73,23 @@ pub fn spread(length: usize, count: usize) -> impl Iterator<Item = usize> + Clon
     (0..count).map(move |i| (2 * i + 1) * length / (2 * count))
 }
 
-/// (m, x) of one row: source term and laterally smooth fringes removed.
-fn free_of_background(counts: &[u16], light: &[f32], images: usize) -> Vec<f32> {
+/// (m, x) of one row: source term and laterally smooth fringes removed. A dead pixel has the
+/// illumination of its neighbours and tells nothing: it is left out of both.
+fn free_of_background(counts: &[u16], light: &[f32], dead: &[bool], images: usize) -> Vec<f32> {
     let width = light.len();
-    let power: f32 = light.iter().map(|v| v * v).sum();
+    let live: Vec<f32> = dead.iter().map(|&dead| if dead { 0.0 } else { 1.0 }).collect();
+    let power: f32 = light.iter().zip(&live).map(|(v, live)| live * v * v).sum();
+    let around = |x: usize| x.saturating_sub(REACH)..(x + REACH + 1).min(width);
+    let mean = |values: &[f32], x: usize| values[around(x)].iter().sum::<f32>();
+    let neighbours: Vec<f32> = (0..width).map(|x| mean(&live, x).max(1.0)).collect();
     let mut rest = Vec::with_capacity(images * width);
     for line in counts.chunks_exact(width) {
-        let source = line.iter().zip(light).map(|(&c, v)| f32::from(c) * v).sum::<f32>() / power;
+        let lit = line.iter().zip(light).zip(&live);
+        let source = lit.map(|((&c, v), live)| live * f32::from(c) * v).sum::<f32>() / power;
+        let lit = line.iter().zip(light).zip(&live);
         let flat: Vec<f32> =
-            line.iter().zip(light).map(|(&c, v)| f32::from(c) - source * v).collect();
-        rest.extend((0..width).map(|x| {
-            let around = &flat[x.saturating_sub(REACH)..(x + REACH + 1).min(width)];
-            flat[x] - around.iter().sum::<f32>() / around.len() as f32
-        }));
+            lit.map(|((&c, v), live)| live * (f32::from(c) - source * v)).collect();
+        rest.extend((0..width).map(|x| flat[x] - mean(&flat, x) / neighbours[x]));
     }
     rest
 }
@@ -108,12 +113,17 @@ mod tests {
         let counts: Vec<u16> = (0..images * width)
             .map(|i| {
                 let (m, x) = (i / width, i % width);
+                if x == 20 {
+                    return 4095;
+                }
                 let fringe = 30.0 * (m as f32 + 0.002 * x as f32).cos();
                 (light[x] * (1500.0 + 20.0 * m as f32) + fringe + speckle(x)).round() as u16
             })
             .collect();
-        let rest = free_of_background(&counts, &light, images);
-        for (i, value) in rest.iter().enumerate().filter(|(i, _)| (12..52).contains(&(i % width))) {
+        let dead: Vec<bool> = (0..width).map(|x| x == 20).collect();
+        let rest = free_of_background(&counts, &light, &dead, images);
+        let inner = |i: &usize| (12..52).contains(&(i % width)) && i % width != 20;
+        for (i, value) in rest.iter().enumerate().filter(|(i, _)| inner(i)) {
             let error = value - speckle(i % width);
             assert!(error.abs() < 4.0, "{i}: {error}");
         }

@@ -75,7 +75,7 @@ pub(super) fn run(target: &Target<'_>, options: &Options, common: &Common) -> Re
         outer_segment_um: options.outer_segment_um,
     };
     settings.validate()?;
-    check_output(target.output, &[target.input])?;
+    check_output("-o", target.output, &[target.input])?;
     let raw = open_raw(target.input)?;
     let times_s = options.run_log.as_deref().map(times).transpose()?;
     let start = Instant::now();
