@@ -1,4 +1,4 @@
 //! Raw sweeps to the phase-carrying layers (paper lines 655–712).
 
-//pub mod segment;
+pub mod segment;
 pub mod sweeps;

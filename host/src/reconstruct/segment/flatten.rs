@@ -175,7 +175,7 @@ impl Tiles {
         rest
     }
 
-    /// The surface for every A-line, shape (y, x): 0 on the mean.
+    /// The surface for every A-line, shape (y, x): 0 on the mean; without `remainders` a smooth one.
     pub fn surface(&self, terms: &Terms, remainders: &[f32]) -> Vec<f32> {
         (0..self.rows * self.columns)
             .into_par_iter()
@@ -190,6 +190,9 @@ impl Tiles {
 
     /// Bilinear interpolation between the middles of the tiles.
     fn between(&self, map: &[f32], u: f64, v: f64) -> f64 {
+        if map.is_empty() {
+            return 0.0;
+        }
         let place = |along: f64, count: usize| {
             let at = (0.5 * (along + 1.0) * count as f64 - 0.5).clamp(0.0, count as f64 - 1.0);
             let low = (at as usize).min(count.saturating_sub(2));

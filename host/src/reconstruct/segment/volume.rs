@@ -12,11 +12,6 @@ pub(super) struct Volume<'a> {
 }
 
 impl Volume<'_> {
-    /// A-lines of the volume.
-    pub fn a_lines(&self) -> usize {
-        self.rows * self.columns
-    }
-
     /// The pixels of one depth and row.
     pub fn row(&self, z: usize, y: usize) -> &[f32] {
         &self.data[(z * self.rows + y) * self.columns..][..self.columns]
