@@ -90,7 +90,7 @@ pub fn find(trace: &Trace, images_per_sweep: usize) -> Result<Vec<Sweep>> {
     };
     let good = count(|verdict| *verdict == Verdict::Ok);
     let short = count(|verdict| matches!(verdict, Verdict::Short { .. }));
-    if 2 * good < sweeps.len() || short > sweeps.len().div_ceil(3) {
+    if 2 * good < sweeps.len() || short > (sweeps.len() / 4).max(2) {
         return Err(period::not_repeating(trace, &data, period, good, sweeps.len()));
     }
     Ok(sweeps)
