@@ -138,9 +138,8 @@ impl VolumesWriter {
 impl Companions {
     fn write(&self, group: &GroupWriter, layout: &VolumesLayout) -> Result<()> {
         let VolumesLayout { sweeps, height, width, .. } = *layout;
-        let time = |name: &str, values: &[f64]| {
-            group.write_whole(name, &["time"], &[sweeps], values)
-        };
+        let time =
+            |name: &str, values: &[f64]| group.write_whole(name, &["time"], &[sweeps], values);
         time("rotation_rad", &self.rotation_rad)?;
         time("match_quality", &self.match_quality)?;
         time("first_image", &self.first_image)?;

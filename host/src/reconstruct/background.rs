@@ -186,8 +186,7 @@ fn dot(image: &[u16], v: &[f32], width: usize) -> f64 {
 /// Taps from the middle outwards, normalised to sum 1 with both sides.
 fn half_gaussian(sigma: f64) -> Vec<f32> {
     let reach = (REACH * sigma).ceil() as usize;
-    let taps: Vec<f64> =
-        (0..=reach).map(|d| (-0.5 * (d as f64 / sigma).powi(2)).exp()).collect();
+    let taps: Vec<f64> = (0..=reach).map(|d| (-0.5 * (d as f64 / sigma).powi(2)).exp()).collect();
     let sum = 2.0 * taps.iter().sum::<f64>() - taps[0];
     taps.iter().map(|tap| (tap / sum) as f32).collect()
 }

@@ -73,8 +73,7 @@ impl<'a> FirstPass<'a> {
         let (height, width) = (format.height, format.width);
         let grid = Grid::new(height, width);
         let depth = plan.depths.len();
-        let transform =
-            Transform::new(grid, &hann(plan.images), &plan.dispersion, Direction::Up)?;
+        let transform = Transform::new(grid, &hann(plan.images), &plan.dispersion, Direction::Up)?;
         let state = match state {
             Some(state) => state,
             None => State::new(plan, &grid, [depth, height, width])?,

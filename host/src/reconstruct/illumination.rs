@@ -151,7 +151,8 @@ fn repairs(dead: &[bool], height: usize, width: usize) -> Vec<Repair> {
                 columns.map(move |column| row * width + column).filter(|&i| !dead[i])
             });
             let mut live: Vec<usize> = live.collect();
-            let distance = |&i: &usize| (i / width).abs_diff(y).pow(2) + (i % width).abs_diff(x).pow(2);
+            let distance =
+                |&i: &usize| (i / width).abs_diff(y).pow(2) + (i % width).abs_diff(x).pow(2);
             live.sort_by_key(distance);
             live.truncate(STAND_INS);
             if live.len() == STAND_INS {

@@ -110,9 +110,8 @@ fn best_start(template: &[Complex64], own: &[Complex64], images: usize) -> f64 {
     for (i, (t, g)) in template.iter().zip(own).enumerate() {
         cross[i % images] += t.conj() * g;
     }
-    let agreement = |start: f64| -> f64 {
-        fast.clone().map(|f| (cross[f] * back(f, start, images)).re).sum()
-    };
+    let agreement =
+        |start: f64| -> f64 { fast.clone().map(|f| (cross[f] * back(f, start, images)).re).sum() };
     let steps = (REACH / STEP) as i32;
     let places = -steps..=steps;
     let values: Vec<f64> = places.map(|i| agreement(f64::from(i) * STEP)).collect();

@@ -54,8 +54,7 @@ pub fn read(
             raw.read(first..first + images, y..y + 1, &mut counts)?;
             let pixels = y * width..(y + 1) * width;
             let dead = &illumination.dead[pixels.clone()];
-            let rest =
-                free_of_background(&counts, &illumination.pixels[pixels], dead, images);
+            let rest = free_of_background(&counts, &illumination.pixels[pixels], dead, images);
             let live = |&&x: &&usize| !dead[x];
             let columns: Vec<usize> = columns.iter().filter(live).copied().collect();
             let spectrum = |&x: &usize| (0..images).map(move |m| m * width + x);

@@ -109,11 +109,7 @@ mod tests {
         let mut mean = MeanVolume::new(size).unwrap();
         for (dz, dy, dx) in [(0, 0, 0), (1, -1, 2), (2, 1, -1)] {
             let mut amplitude = vec![0.0; 6 * 5 * 7];
-            amplitude[at(
-                (2 + dz) as usize,
-                (2 + dy) as usize,
-                (3 + dx) as usize,
-            )] = 3.0;
+            amplitude[at((2 + dz) as usize, (2 + dy) as usize, (3 + dx) as usize)] = 3.0;
             let shift = [f64::from(dz) + 0.25, f64::from(dy), f64::from(dx)];
             mean.add(&amplitude, &Motion { shift, rotation_rad: 0.0 });
         }

@@ -19,11 +19,13 @@
 //! | `mean`, `segment` | averaged volume and its surfaces |
 //! | `jitter` | late starts of the camera |
 //! | `preparation`, `first_pass`, `analysis`, `second_pass`, `recording` | the order of work |
+//! | `findings`, `preview` | what is kept and shown of it |
 
 pub mod analysis;
 pub mod background;
 pub mod counts;
 pub mod dispersion;
+pub mod findings;
 pub mod first_pass;
 mod fringes;
 pub mod illumination;
@@ -43,4 +45,3 @@ mod sharpness;
 mod simplex;
 pub mod spectrum;
 pub mod sweeps;
-

@@ -7,14 +7,14 @@ use super::counts::SweepCounts;
 use super::dispersion::{self, Dispersion, Estimate};
 use super::illumination::Illumination;
 use super::lines::{self, Lines, spread};
+use super::scan;
 use super::settings::Settings;
 use super::spectrum::hann;
 use super::sweeps::{self, Sweep};
-use super::scan;
 use crate::error::{Error, Result};
 use crate::io::RawImages;
-use rustfft::FftPlanner;
 use num_complex::Complex32;
+use rustfft::FftPlanner;
 use std::ops::Range;
 
 /// Sweeps whose images the illumination is measured on; of each every eighth image is taken.

@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::io::RawImages;
 
 /// Rows of the strip that is read; the B-scan is the mean of their intensities.
-const ROWS: usize = 2 * BLOCK;
+pub const ROWS: usize = 2 * BLOCK;
 
 /// Amplitude (z, x) over all positive depths, the root of the mean intensity over eight rows in the
 /// middle of the first usable sweep, with each of the `dispersions` corrected.
@@ -37,8 +37,7 @@ pub fn bscans(
         .collect();
     let grid = Grid::new(ROWS, width);
     let fixed = vec![0.0; images * grid.blocks()];
-    let input =
-        Input { counts: &counts, source: &source, illumination: light, fixed: &fixed };
+    let input = Input { counts: &counts, source: &source, illumination: light, fixed: &fixed };
     let scan = |dispersion: &Dispersion| -> Result<Vec<f32>> {
         let transform = Transform::new(grid, &hann(images), dispersion, Direction::Up)?;
         let mut volume = vec![0.0; images / 2 * ROWS * width];

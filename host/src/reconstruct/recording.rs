@@ -7,18 +7,16 @@
 
 use super::analysis::{Analysis, analyse};
 use super::background::Grid;
+use super::findings::{Findings, Survey};
 use super::first_pass::{FirstPass, LEAST_SIDE, State};
 use super::preparation::{self, Preparation};
-use super::register::MATCHED;
 use super::second_pass::SecondPass;
-use super::segment::Surfaces;
 use super::settings::Settings;
 use crate::error::{Error, Result};
-use crate::io::{Attributes, Companions, RawImages, Unfinished, VolumesLayout, VolumesWriter};
+use crate::io::{RawImages, Unfinished, VolumesLayout, VolumesWriter};
 use crate::progress::Progress;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use serde_json::json;
 use std::path::{Path, PathBuf};
 
 /// The state of the first pass, kept when it is interrupted.
@@ -46,33 +44,15 @@ pub struct Job<'a> {
     pub resume: bool,
 }
 
-/// What was found on the way: for the summary and the pictures.
-pub struct Findings {
-    /// Before the passes.
-    pub plan: Preparation,
-    /// Between them.
-    pub analysis: Analysis,
-    /// How the layers were chosen; none when the first pass was done by an earlier run.
-    pub surfaces: Option<Surfaces>,
-    /// Mean intensity (z, y, x) of the depths of the first pass; as above.
-    pub mean: Option<Vec<f32>>,
-    /// In words, per sweep.
-    pub verdicts: Vec<String>,
-    /// Predicted memory, bytes.
-    pub memory: u64,
-    /// Wall time of preparation, first pass, analysis and second pass, seconds.
-    pub seconds: [f64; 4],
-}
-
 /// What the user is told while it goes on.
 pub trait Observer {
     /// Sweeps are known, the passes begin.
     fn prepared(&self, plan: &Preparation, memory: u64);
-    /// The layers are known: time for pictures.
+    /// The layers are known: time for pictures. Not called again when a later run goes on.
     ///
     /// # Errors
     /// When a picture cannot be written.
-    fn analysed(&self, findings: &Findings) -> Result<()>;
+    fn analysed(&self, findings: &Findings, survey: &Survey) -> Result<()>;
 }
 
 impl Job<'_> {
@@ -97,16 +77,17 @@ impl Job<'_> {
         observer.prepared(&plan, memory);
         let work = self.open_work()?;
         let prepared_s = clock.seconds();
-        let (analysis, surfaces, mean, passed_s) = self.first_pass(&plan, &work)?;
-        let analysed_s = clock.seconds();
-        let verdicts = verdicts(&plan, &analysis);
-        let seconds = [prepared_s, passed_s, analysed_s - prepared_s - passed_s, 0.0];
-        let mut findings = Findings { plan, analysis, surfaces, mean, verdicts, memory, seconds };
-        observer.analysed(&findings)?;
-        findings.mean = None;
-        let before = clock.seconds();
+        let (analysis, survey, passed_s) = self.first_pass(&plan, &work)?;
+        let analysed_s = clock.seconds() - prepared_s - passed_s;
+        let seconds = [prepared_s, passed_s, analysed_s, 0.0];
+        let name = self.name.to_owned();
+        let mut findings = Findings::new(name, plan, analysis, memory, seconds);
+        if let Some(survey) = survey {
+            observer.analysed(&findings, &survey)?;
+        }
+        let clock = Clock::start();
         let path = self.second_pass(&findings, work)?;
-        findings.seconds[3] = clock.seconds() - before;
+        findings.seconds[3] = clock.seconds();
         Ok((findings, path))
     }
 
@@ -153,14 +134,14 @@ impl Job<'_> {
         }
     }
 
-    #[expect(clippy::type_complexity, reason = "what the pass gives, used once")]
+    /// What the first pass finds, what it has seen (unless an earlier run did it), and its seconds.
     fn first_pass(
         &self,
         plan: &Preparation,
         work: &Unfinished,
-    ) -> Result<(Analysis, Option<Surfaces>, Option<Vec<f32>>, f64)> {
+    ) -> Result<(Analysis, Option<Survey>, f64)> {
         if let Some(analysis) = load(work, ANALYSIS)? {
-            return Ok((analysis, None, None, 0.0));
+            return Ok((analysis, None, 0.0));
         }
         let clock = Clock::start();
         let mut pass = FirstPass::new(self.raw, plan, load::<State>(work, FIRST)?)?;
@@ -169,7 +150,7 @@ impl Job<'_> {
         drop(progress);
         if let Err(error) = outcome {
             save(work, FIRST, &pass.state)?;
-            return Err(self.kept(error, work.folder()));
+            return Err(kept(error, work.folder()));
         }
         let passed_s = clock.seconds();
         let state = pass.state;
@@ -178,7 +159,8 @@ impl Job<'_> {
         let fixed = state.fixed_fringes(&Grid::new(format.height, format.width));
         let (analysis, surfaces) = analyse(plan, &state, fixed, self.settings, size)?;
         save(work, ANALYSIS, &analysis)?;
-        Ok((analysis, Some(surfaces), Some(state.mean.intensity()), passed_s))
+        let survey = Survey { surfaces, mean: state.mean.intensity() };
+        Ok((analysis, Some(survey), passed_s))
     }
 
     fn second_pass(&self, findings: &Findings, work: Unfinished) -> Result<PathBuf> {
@@ -191,87 +173,30 @@ impl Job<'_> {
             height: format.height,
             width: format.width,
         };
-        let companions = self.companions(findings);
-        let writer = VolumesWriter::create(work, layout, self.attributes(findings), &companions)?;
+        let companions = findings.companions(self.times_s.clone());
+        let attributes = findings.attributes(self.settings);
+        let writer = VolumesWriter::create(work, layout, attributes, &companions)?;
         let mut pass = SecondPass::new(self.raw, plan, analysis, self.settings.direction)?;
         let progress = Progress::new("second pass", plan.sweeps.len() as u64);
         let done = |next: usize| writer.save(NEXT, &encode(&next)?);
         if let Err(error) = pass.run(next, &writer, &progress, done) {
             drop(progress);
             let folder = writer.folder().unwrap_or(self.output).to_owned();
-            return Err(self.kept(error, &folder));
+            return Err(kept(error, &folder));
         }
         writer.finish()
     }
-
-    /// The same error, which says what was kept.
-    fn kept(&self, error: Error, folder: &Path) -> Error {
-        match error {
-            Error::Interrupted => Error::Kept(format!(
-                "interrupted: the sweeps done so far are kept in {}; --resume goes on with them",
-                folder.display()
-            )),
-            other => other,
-        }
-    }
-
-    fn companions(&self, findings: &Findings) -> Companions {
-        let Findings { plan, analysis, .. } = findings;
-        let motion = |sweep: &Option<super::register::Motion>| {
-            sweep.map_or([f64::NAN; 4], |m| {
-                let [z, y, x] = m.shift;
-                [z, y, x, m.rotation_rad]
-            })
-        };
-        let motions: Vec<[f64; 4]> = analysis.motions.iter().map(motion).collect();
-        Companions {
-            shift_px: motions.iter().flat_map(|m| m[..3].to_vec()).collect(),
-            rotation_rad: motions.iter().map(|m| m[3]).collect(),
-            sweep_ok: analysis.motions.iter().map(Option::is_some).collect(),
-            match_quality: analysis.quality.clone(),
-            first_image: plan.sweeps.iter().map(|s| s.first_image as f64).collect(),
-            start_jitter_images: analysis.jitter.clone(),
-            surface_isos_px: analysis.isos.clone(),
-            surface_ost_px: analysis.ost.clone(),
-            dispersion_rad: vec![analysis.dispersion.a2, analysis.dispersion.a3],
-            dead_pixel: plan.illumination.dead.clone(),
-            time_s: self.times_s.clone(),
-        }
-    }
-
-    fn attributes(&self, findings: &Findings) -> Attributes {
-        let Findings { plan, analysis, verdicts, .. } = findings;
-        let [tips, isos] = analysis.layers;
-        let values = [
-            ("software", json!(concat!("phasewalk ", env!("CARGO_PKG_VERSION")))),
-            ("recording", json!(self.name)),
-            ("wavelength_nm", json!(self.settings.wavelength_nm)),
-            ("bandwidth_nm", json!(self.settings.bandwidth_nm)),
-            ("depth_px_um", json!(self.settings.depth_px_um())),
-            ("sweep", json!(self.settings.direction)),
-            ("images_per_sweep", json!(self.settings.images)),
-            ("layer_ost_z", json!(tips)),
-            ("layer_isos_z", json!(isos)),
-            ("flat_isos_z", json!(analysis.flat - analysis.depths.start)),
-            ("dispersion_reliable", json!(plan.estimate.is_reliable())),
-            ("start_jitter_sigma_images", json!(analysis.jitter_sigma)),
-            ("verdicts", json!(verdicts)),
-        ];
-        values.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
-    }
 }
 
-/// What became of each sweep, in words.
-fn verdicts(plan: &Preparation, analysis: &Analysis) -> Vec<String> {
-    let sweeps = plan.sweeps.iter().zip(&analysis.motions).zip(&analysis.quality);
-    sweeps
-        .map(|((sweep, motion), quality)| match motion {
-            None if sweep.is_ok() => {
-                format!("matches no other sweep (saccade or blink): {quality:.1} of {MATCHED} sigma")
-            }
-            _ => sweep.verdict.to_string(),
-        })
-        .collect()
+/// The same error, which says what was kept.
+fn kept(error: Error, folder: &Path) -> Error {
+    match error {
+        Error::Interrupted => Error::Kept(format!(
+            "interrupted: the sweeps done so far are kept in {}; --resume goes on with them",
+            folder.display()
+        )),
+        other => other,
+    }
 }
 
 fn encode(state: &impl Serialize) -> Result<Vec<u8>> {

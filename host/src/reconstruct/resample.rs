@@ -24,8 +24,7 @@ pub fn undo_lateral(planes: &mut [Complex32], height: usize, width: usize, motio
     let [_, dy, dx] = motion.shift;
     let (alpha, beta) = (-(motion.rotation_rad / 2.0).tan(), motion.rotation_rad.sin());
     let [cy, cx] = centre([height, width]);
-    let first: Vec<f64> =
-        (0..height).map(|y| dx + alpha * (y as f64 - cy) - alpha * dy).collect();
+    let first: Vec<f64> = (0..height).map(|y| dx + alpha * (y as f64 - cy) - alpha * dy).collect();
     let second: Vec<f64> = (0..width).map(|x| dy + beta * (x as f64 - cx)).collect();
     let third: Vec<f64> = (0..height).map(|y| alpha * (y as f64 - cy)).collect();
     let seen = seen(height, width, motion);

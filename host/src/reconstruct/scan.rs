@@ -21,8 +21,7 @@ const IMAGES: usize = 64;
 /// When it cannot be read or the user interrupts.
 pub fn read(raw: &dyn RawImages) -> Result<Trace> {
     let format = raw.format();
-    let rows: Vec<usize> =
-        (0..ROWS).map(|i| (2 * i + 1) * format.height / (2 * ROWS)).collect();
+    let rows: Vec<usize> = (0..ROWS).map(|i| (2 * i + 1) * format.height / (2 * ROWS)).collect();
     let channels = ROWS * (format.width / GROUP).clamp(1, GROUPS);
     let starts: Vec<usize> = (0..format.images).step_by(IMAGES).collect();
     let parts: Vec<Trace> = starts

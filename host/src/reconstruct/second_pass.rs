@@ -112,7 +112,8 @@ impl<'a> SecondPass<'a> {
         let surface = &self.analysis.isos;
         self.shifts.par_iter_mut().enumerate().for_each(|(i, shift)| {
             let pixel = [(i / width) as f64, (i % width) as f64];
-            let depth = interpolate(surface, [height, width], origin(&motion, [height, width], pixel));
+            let depth =
+                interpolate(surface, [height, width], origin(&motion, [height, width], pixel));
             *shift = (depth + down - flat as f64) as f32;
         });
     }

@@ -23,7 +23,9 @@ use std::ops::Range;
 use std::sync::Arc;
 
 /// Direction in which the source sweeps.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize, serde::Deserialize)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize, serde::Deserialize,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum Direction {
     /// The wavenumber grows with the image index.
@@ -77,9 +79,10 @@ impl Transform {
         let images = window.len();
         let center = (images as f64 - 1.0) / 2.0;
         let unit = |phase: f64| Complex32::new(phase.cos() as f32, phase.sin() as f32);
-        let table = window.iter().enumerate().map(|(m, &w)| {
-            unit(-dispersion.phase(band_coordinate(m, images))) * w
-        });
+        let table = window
+            .iter()
+            .enumerate()
+            .map(|(m, &w)| unit(-dispersion.phase(band_coordinate(m, images))) * w);
         let centering = (0..images).map(|z| unit(TAU * z as f64 * center / images as f64));
         Ok(Self {
             grid,

@@ -5,8 +5,9 @@ use crate::cli::{Common, check_output, fraction, megabytes, print};
 use crate::error::{Error, Result};
 use crate::io::{RawFormat, open_raw};
 use crate::reconstruct::dispersion::Dispersion;
+use crate::reconstruct::findings::{Findings, Survey};
 use crate::reconstruct::preparation::Preparation;
-use crate::reconstruct::recording::{Findings, Job, Observer};
+use crate::reconstruct::recording::{Job, Observer};
 use crate::reconstruct::settings::Settings;
 use crate::reconstruct::spectrum::Direction;
 use crate::trigger::log::RunLog;
@@ -142,9 +143,9 @@ impl Observer for Show<'_> {
         }
     }
 
-    fn analysed(&self, findings: &Findings) -> Result<()> {
+    fn analysed(&self, findings: &Findings, survey: &Survey) -> Result<()> {
         match &self.pictures {
-            Some(folder) => pictures::draw(folder, self.raw, self.settings, findings),
+            Some(folder) => pictures::draw(folder, self.raw, self.settings, findings, survey),
             None => Ok(()),
         }
     }
@@ -182,9 +183,10 @@ fn tell(findings: &Findings, show: &Show<'_>, path: &Path, seconds: f64) {
          {second:.1} s: {:.2} Gsamples/s",
         samples_per_second(findings, &show.format) / 1e9
     ));
-    let beside = show.pictures.as_ref().map_or(String::new(), |folder| {
-        format!(" and pictures in {}", folder.path().display())
-    });
+    let beside = show
+        .pictures
+        .as_ref()
+        .map_or(String::new(), |folder| format!(" and pictures in {}", folder.path().display()));
     print(&format!("wrote {}{beside} in {seconds:.1} s", path.display()));
 }
 

@@ -72,9 +72,8 @@ impl Bins {
             })
             .collect();
         let fullest = blended.iter().map(|bin| bin[1]).fold(0.0, f64::max);
-        let known: Vec<usize> = (0..count)
-            .filter(|&at| blended[at][1] > (LEAST_SHARE * fullest).max(0.5))
-            .collect();
+        let known: Vec<usize> =
+            (0..count).filter(|&at| blended[at][1] > (LEAST_SHARE * fullest).max(0.5)).collect();
         let value = |at: usize| blended[at][0] / blended[at][1];
         let mut means = vec![0.0; count];
         for pair in known.windows(2) {
@@ -166,8 +165,8 @@ impl Profile {
 
     /// Value at a distance from the surface, linear between the bins, constant outside.
     pub fn at(&self, distance_px: f64) -> f64 {
-        let place = ((distance_px - self.first) * FINE as f64)
-            .clamp(0.0, (self.values.len() - 1) as f64);
+        let place =
+            ((distance_px - self.first) * FINE as f64).clamp(0.0, (self.values.len() - 1) as f64);
         let low = (place as usize).min(self.values.len().saturating_sub(2));
         let part = place - low as f64;
         let high = (low + 1).min(self.values.len() - 1);
@@ -177,7 +176,8 @@ impl Profile {
     /// The layers without the axial point spread (Richardson–Lucy), floor removed.
     pub fn sharpened(&self) -> Vec<f64> {
         let spread = axial_spread();
-        let data: Vec<f64> = self.values.iter().map(|value| (value - self.floor).max(0.0)).collect();
+        let data: Vec<f64> =
+            self.values.iter().map(|value| (value - self.floor).max(0.0)).collect();
         let mean = data.iter().sum::<f64>() / data.len().max(1) as f64;
         let mut sharp = vec![mean; data.len()];
         for _ in 0..SHARPENING {

@@ -220,8 +220,14 @@ fn diffuse_choroid() {
 
 #[test]
 fn small_field() {
-    Scene { shape: [64, 32, 32], depth: 48.0, tilt: [2.0, 3.0], curvature: 1.0, ..Scene::default() }
-        .is_found("small", 0.25);
+    Scene {
+        shape: [64, 32, 32],
+        depth: 48.0,
+        tilt: [2.0, 3.0],
+        curvature: 1.0,
+        ..Scene::default()
+    }
+    .is_found("small", 0.25);
 }
 
 #[test]

@@ -67,7 +67,12 @@ pub(super) fn first_image(data: &Scaled, cycle: &Template, run: usize) -> Templa
     }
     turns.push(turn_at(data, cycle, data.images() - period));
     let mut seen: Vec<usize> = Vec::new();
-    turns.retain(|turn| !seen.contains(turn) && { seen.push(*turn); true });
+    turns.retain(|turn| {
+        !seen.contains(turn) && {
+            seen.push(*turn);
+            true
+        }
+    });
     let judge = |turn: usize, images: usize| {
         let template = cycle.rotated(turn);
         let units = Units::first(&template);
@@ -76,7 +81,8 @@ pub(super) fn first_image(data: &Scaled, cycle: &Template, run: usize) -> Templa
     let front = data.images().min(JUDGED_SWEEPS * period);
     let costs: Vec<(f64, f64)> = turns.iter().map(|&turn| judge(turn, front)).collect();
     let least = costs.iter().map(|cost| cost.0).fold(f64::INFINITY, f64::min);
-    let close = turns.iter().zip(&costs).filter(|(_, (cost, cut))| *cost <= least + CLOSE_CUTS * cut);
+    let close =
+        turns.iter().zip(&costs).filter(|(_, (cost, cut))| *cost <= least + CLOSE_CUTS * cut);
     let finalists: Vec<usize> = close.map(|(&turn, _)| turn).collect();
     if let [turn] = finalists[..] {
         return cycle.rotated(turn);
@@ -89,9 +95,7 @@ pub(super) fn first_image(data: &Scaled, cycle: &Template, run: usize) -> Templa
 fn turn_at(data: &Scaled, cycle: &Template, at: usize) -> usize {
     let period = cycle.period();
     let cost = |turn: usize| -> f64 {
-        (0..period)
-            .map(|m| f64::from(cycle.distance(data, at + m, (turn + m) % period)))
-            .sum()
+        (0..period).map(|m| f64::from(cycle.distance(data, at + m, (turn + m) % period))).sum()
     };
     least_index((0..period).map(cost))
 }

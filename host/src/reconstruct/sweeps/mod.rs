@@ -85,9 +85,8 @@ pub fn find(trace: &Trace, images_per_sweep: usize) -> Result<Vec<Sweep>> {
     }
     let template = begin::first_image(&data, &cycle, run[0]);
     let sweeps = refine(trace, &data, template);
-    let count = |wanted: fn(&Verdict) -> bool| {
-        sweeps.iter().filter(|sweep| wanted(&sweep.verdict)).count()
-    };
+    let count =
+        |wanted: fn(&Verdict) -> bool| sweeps.iter().filter(|sweep| wanted(&sweep.verdict)).count();
     let good = count(|verdict| *verdict == Verdict::Ok);
     let short = count(|verdict| matches!(verdict, Verdict::Short { .. }));
     if 2 * good < sweeps.len() || short > (sweeps.len() / 4).max(2) {
@@ -129,8 +128,7 @@ fn improved(
     let delays = || good.iter().map(|&start| median.fit(data, start, period).delay);
     let middle = DELAY_QUANTILES.map(|share| quantile(delays(), share)).iter().sum::<f64>() / 2.0;
     let template = median.centred(middle);
-    let misfit =
-        quantile(good.iter().map(|&start| template.fit(data, start, period).cost), 0.5);
+    let misfit = quantile(good.iter().map(|&start| template.fit(data, start, period).cost), 0.5);
     Some((template, Units::of_noise(misfit / period as f64, period)))
 }
 

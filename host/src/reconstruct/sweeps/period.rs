@@ -39,7 +39,9 @@ fn check_divisors(data: &Scaled, period: usize) -> Result<()> {
     for part in [5, 4, 3, 2] {
         let other = period / part;
         let divides = period % part == 0 && other >= SHORTEST;
-        if divides && unrest(data, other) < EQUALLY * whole && unrest(data, other / 2) > CLEARLY * whole
+        if divides
+            && unrest(data, other) < EQUALLY * whole
+            && unrest(data, other / 2) > CLEARLY * whole
         {
             return Err(wrong(other, period));
         }

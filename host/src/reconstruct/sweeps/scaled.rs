@@ -32,8 +32,10 @@ impl Scaled {
     pub fn new(trace: &Trace, noise_dn: &[f64]) -> Self {
         let stride = trace.channels().next_multiple_of(LANES);
         let share = (trace.channels() as f64).sqrt();
-        let factor: Vec<f32> =
-            noise_dn.iter().map(|noise| (1.0 / (noise.max(LEAST_NOISE_DN) * share)) as f32).collect();
+        let factor: Vec<f32> = noise_dn
+            .iter()
+            .map(|noise| (1.0 / (noise.max(LEAST_NOISE_DN) * share)) as f32)
+            .collect();
         let mut values = vec![0.0; trace.images() * stride];
         for (image, to) in values.chunks_exact_mut(stride).enumerate() {
             for ((to, from), factor) in to.iter_mut().zip(trace.image(image)).zip(&factor) {

@@ -68,7 +68,14 @@ impl Template {
                 rise / (after - before).max(1) as f32
             })
             .collect();
-        let mut template = Self { level, slope, brightness, moments: vec![[0.0; 3]], stride, largest_delay: LARGEST_UNCENTRED_DELAY };
+        let mut template = Self {
+            level,
+            slope,
+            brightness,
+            moments: vec![[0.0; 3]],
+            stride,
+            largest_delay: LARGEST_UNCENTRED_DELAY,
+        };
         for m in 0..period {
             let (level, slope) = template.image(m);
             let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a * b)).sum();

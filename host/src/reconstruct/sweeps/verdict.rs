@@ -85,10 +85,9 @@ pub(super) fn by_light(
     let mean = |values: &[f32]| values.iter().sum::<f32>() / values.len().max(1) as f32;
     let spans = || bounds.windows(2).map(|span| (span[0], span[1]));
     let whole = spans().filter(|(from, to)| to - from == period);
-    let usual = super::quantile(
-        whole.map(|(from, to)| f64::from(mean(&data.brightness[from..to]))),
-        0.5,
-    ) as f32;
+    let usual =
+        super::quantile(whole.map(|(from, to)| f64::from(mean(&data.brightness[from..to]))), 0.5)
+            as f32;
     spans()
         .map(|(from, to)| {
             let share = f64::from(mean(&trace.clipped()[from..to]));
