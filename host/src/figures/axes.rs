@@ -1,6 +1,6 @@
 //! A pair of axes: values to places, ticks, titles, curves and bands clipped to the frame.
 
-use super::canvas::{Anchor, Canvas, Stroke, TextStyle};
+use super::canvas::{Anchor, Canvas, Stroke, TextStyle, font};
 use super::colormap::Rgb;
 use super::geometry::{Point, Rect};
 use super::scale::{Span, Tick};
@@ -82,9 +82,28 @@ impl Axes {
             }
         }
         if let Some(title) = title {
-            let at = (left - 44.0, self.area.center().1);
+            let widths = ticks.iter().map(|tick| font::width(&tick.label, style::SMALL, false));
+            let at = (left - widths.fold(24.0, f64::max) - 20.0, self.area.center().1);
             canvas.label(at, title, TextStyle::new(style::TEXT, Anchor::Middle).upright());
         }
+    }
+
+    /// Round ticks left of the frame, counted downwards as the rows of an image.
+    pub fn y_down_axis(&self, canvas: &mut Canvas, title: Option<&str>) {
+        self.y_ticks(canvas, &self.y.ticks_down((self.area.h / 30.0) as usize), title);
+    }
+
+    /// Round ticks right of the frame, counted downwards.
+    pub fn y_down_axis_right(&self, canvas: &mut Canvas, title: &str) {
+        let right = self.area.right();
+        let note = TextStyle::new(style::SMALL, Anchor::Start);
+        for tick in self.y.ticks_down((self.area.h / 30.0) as usize) {
+            let (_, y) = self.place((self.x.high, tick.value));
+            canvas.line([(right, y), (right + TICK, y)], Stroke::solid(style::INK, 1.0));
+            canvas.label((right + 7.0, y), &tick.label, note);
+        }
+        let at = (right + 48.0, self.area.center().1);
+        canvas.label(at, title, TextStyle::new(style::TEXT, Anchor::Middle).upright());
     }
 
     /// A line across the frame at one value.

@@ -53,6 +53,19 @@ pub fn outer_letter(canvas: &mut Canvas, panel: Rect, n: usize) {
     canvas.text((panel.x, panel.y - 8.0), &letter(n), text);
 }
 
+/// The letter of panel `n` above a panel and its heading beside it.
+pub fn heading(canvas: &mut Canvas, panel: Rect, label: &str, n: usize) {
+    outer_letter(canvas, panel, n);
+    let text = TextStyle::new(style::HEADING, Anchor::Start);
+    canvas.text((panel.x + 20.0, panel.y - 8.0), label, text);
+}
+
+/// Width of a [`heading`] with its letter.
+#[must_use]
+pub fn heading_width(label: &str) -> f64 {
+    20.0 + font::width(label, style::HEADING, false)
+}
+
 /// a, b … z, then numbers.
 fn letter(n: usize) -> String {
     match u8::try_from(n) {

@@ -3,7 +3,7 @@
 use ndarray::ArrayView2;
 
 use super::axes::Axes;
-use super::canvas::{Anchor, Canvas, Stroke, TextStyle};
+use super::canvas::{Canvas, Stroke};
 use super::geometry::Rect;
 use super::keys;
 use super::raster::Indexed;
@@ -80,14 +80,9 @@ impl Measured<'_> {
         let down = span(self.origin.0, self.pitch.0, rows);
         let axes = Axes::new(area, across, down);
         axes.x_axis(canvas, Some(self.axes.1));
-        // The first row is at the top: ticks count downwards.
-        let mut ticks = down.ticks((area.h / 40.0) as usize);
-        for tick in &mut ticks {
-            tick.value = down.low + down.high - tick.value;
-        }
-        axes.y_ticks(canvas, &ticks, Some(self.axes.0));
+        axes.y_down_axis(canvas, Some(self.axes.0));
         axes.frame(canvas);
-        heading(canvas, area, self.label, 0);
+        keys::heading(canvas, area, self.label, 0);
         let bar = Rect::new(area.right() + 18.0, area.y + 24.0, 16.0, area.h - 24.0);
         keys::phase_bar(canvas, bar);
     }
@@ -109,7 +104,7 @@ impl Measured<'_> {
         axes.x_axis(canvas, Some(profile.axis));
         axes.y_axis(canvas, Some("phase / rad"));
         axes.frame(canvas);
-        heading(canvas, area, profile.label, n + 1);
+        keys::heading(canvas, area, profile.label, n + 1);
     }
 
     /// The image in true proportions, as far as the page allows.
@@ -129,12 +124,6 @@ const FIT: Stroke = Stroke { color: style::INK, width: 1.5, dash: Some((6.0, 4.0
 /// Dots in the figure, dots in the key.
 const DOTS: Stroke = Stroke { color: style::DIRECT, width: 3.2, dash: Some((3.2, 4.5)) };
 const KEY: [(&str, Stroke); 3] = [("walked", WALKED), ("fit", FIT), ("direct difference", DOTS)];
-
-fn heading(canvas: &mut Canvas, area: Rect, label: &str, n: usize) {
-    keys::outer_letter(canvas, area, n);
-    let text = TextStyle::new(style::HEADING, Anchor::Start);
-    canvas.text((area.x + 20.0, area.y - 8.0), label, text);
-}
 
 #[cfg(test)]
 mod tests {

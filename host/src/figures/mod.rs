@@ -10,24 +10,39 @@
 //! Only encoding can fail; nothing here touches the file system.
 
 pub mod axes;
+pub mod bscan;
 pub mod canvas;
 pub mod colormap;
 pub mod curves;
+pub mod decibel;
+pub mod depth_profile;
+pub mod enface;
 pub mod geometry;
+pub mod grid;
 pub mod keys;
+pub mod layer;
 pub mod measured;
 pub mod method;
+pub mod motion;
 pub mod online;
 pub mod phase_images;
 pub mod raster;
 pub mod scale;
+pub mod source;
 pub mod style;
+pub mod verdicts;
 
+pub use bscan::{BScan, BScans, Surface};
 pub use canvas::Canvas;
 pub use colormap::ColorMap;
 pub use curves::{Curve, CurveColumn, Curves};
+pub use depth_profile::{DepthProfile, LayerDepths, Peak};
+pub use enface::{EnFace, EnFaces};
+pub use layer::Layer;
 pub use measured::{Measured, Profile};
 pub use method::Method;
+pub use motion::Motion;
 pub use online::Online;
 pub use phase_images::{PhaseColumn, PhaseImages, ScaleBar, SpeckleImage};
 pub use raster::{Indexed, Rgb8};
+pub use source::{Residual, Source};

@@ -60,6 +60,22 @@ impl Span {
         (value - self.low) / (self.high - self.low)
     }
 
+    /// The value as far from the upper end as this one is from the lower: what counts downwards.
+    #[must_use]
+    pub fn mirrored(&self, value: f64) -> f64 {
+        self.low + (self.high - value)
+    }
+
+    /// Round ticks of an axis that counts downwards.
+    #[must_use]
+    pub fn ticks_down(&self, most: usize) -> Vec<Tick> {
+        let mut ticks = self.ticks(most);
+        for tick in &mut ticks {
+            tick.value = self.mirrored(tick.value);
+        }
+        ticks
+    }
+
     /// At most about `most` ticks at round values: 1, 2 or 5 times a power of ten.
     #[must_use]
     pub fn ticks(&self, most: usize) -> Vec<Tick> {
@@ -88,6 +104,14 @@ pub fn number(value: f64, decimals: usize) -> String {
     }
 }
 
+/// The largest round length, 1, 2 or 5 times a power of ten, that is not above a limit.
+#[must_use]
+pub fn round_below(limit: f64) -> f64 {
+    let power = 10_f64.powf(limit.log10().floor());
+    let steps = [5.0, 2.0].map(|factor| factor * power);
+    steps.into_iter().find(|step| *step <= limit).unwrap_or(power)
+}
+
 fn round_step(least: f64) -> f64 {
     let power = 10_f64.powf(least.log10().floor());
     let steps = [1.0, 2.0, 5.0, 10.0].map(|factor| factor * power);
@@ -107,6 +131,12 @@ mod tests {
         };
         assert_eq!(labels(0.0, 69.0, 4), ["0", "20", "40", "60"]);
         assert_eq!(labels(-0.4, 0.4, 4), ["\u{2212}0.4", "\u{2212}0.2", "0.0", "0.2", "0.4"]);
+    }
+
+    #[test]
+    fn round_lengths_stay_below_their_limit() {
+        let lengths = [0.04, 1.0, 49.0, 50.0, 199.0].map(round_below);
+        assert_eq!(lengths, [0.02, 1.0, 20.0, 50.0, 100.0]);
     }
 
     #[test]

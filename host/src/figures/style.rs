@@ -25,6 +25,9 @@ pub const ONE_STEP: Rgb = [0, 158, 115];
 /// Extended Knox-Thompson, the walk (blue).
 pub const EXTENDED: Rgb = [0, 114, 178];
 
+/// Depth, rows, columns (z, y, x), where their curves stand together.
+pub const AXES: [Rgb; 3] = [EXTENDED, DIRECT, ONE_STEP];
+
 /// A colour mixed with the page: `share` 1 is the colour, 0 the page.
 #[must_use]
 pub fn tint(color: Rgb, share: f64) -> Rgb {

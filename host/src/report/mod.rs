@@ -2,8 +2,10 @@
 
 mod chart;
 pub mod html;
+pub mod reconstruction;
 pub mod stack;
 
 pub use chart::{Role, SceneCurve};
 pub use html::{Page, Scene, Still, Table};
+pub use reconstruction::{Reconstruction, Step};
 pub use stack::Stack;
