@@ -3,6 +3,7 @@
 mod demo;
 mod info;
 mod phase;
+mod reconstruct;
 mod simulate;
 mod trigger;
 
@@ -52,6 +53,8 @@ enum Command {
     Simulate(simulate::Scenes),
     /// Phase of a series: a curve over a mask, or images by a Gaussian average
     Phase(phase::Arguments),
+    /// Recorded spectra to complex volumes
+    Reconstruct(reconstruct::Arguments),
     /// What a file holds
     Info(info::Arguments),
     /// The trigger board: check, preview, run and record
@@ -104,6 +107,7 @@ fn run(arguments: &Arguments) -> Result<()> {
         Command::Demo(arguments) => demo::run(arguments, common),
         Command::Simulate(scene) => simulate::run(scene, common),
         Command::Phase(arguments) => phase::run(arguments, common),
+        Command::Reconstruct(arguments) => reconstruct::run(arguments, common),
         Command::Info(arguments) => info::run(arguments, common),
         Command::Trigger(command) => trigger::run(command, common),
     })

@@ -9,6 +9,7 @@
 //! | `npy` | NumPy files, by positioned reads and writes |
 //! | `zarr` | Zarr v3 groups |
 //! | `mask` | a region of interest |
+//! | `volume` | one complex volume, slab by slab |
 //! | `image` | phase images, strip by strip |
 //! | `field` | complex frames, one after the other |
 //! | `curve` | one phase per frame |
@@ -26,6 +27,7 @@ mod mask;
 pub mod npy;
 mod shape;
 mod staged;
+mod volume;
 mod zarr;
 
 pub use curve::{CurveRow, write_curve};
@@ -36,6 +38,7 @@ pub use image::{ImageLayout, ImageWriter};
 pub use mask::read_mask;
 pub use shape::Shape;
 pub use staged::write_atomic;
+pub use volume::VolumeWriter;
 
 use crate::error::{Error, Result};
 use num_complex::Complex32;

@@ -1,0 +1,65 @@
+//! `phasewalk reconstruct`.
+
+mod spectra;
+
+use super::Common;
+use crate::error::{Error, Result};
+use std::path::PathBuf;
+
+/// Options of `reconstruct`.
+#[derive(Debug, clap::Args)]
+pub(super) struct Arguments {
+    /// Recorded spectra: .npy with axes (B-scan, A-line, sample)
+    recording: PathBuf,
+    /// Whether the wavenumber rises or falls from sample to sample
+    #[arg(long, value_enum, default_value_t = Sweep::Up)]
+    sweep: Sweep,
+    /// Centre wavelength in nm
+    #[arg(long, value_name = "NM")]
+    wavelength_nm: Option<f64>,
+    /// Width of the spectrum in nm, first to last sample
+    #[arg(long, value_name = "NM")]
+    bandwidth_nm: Option<f64>,
+    /// Refractive index of the sample
+    #[arg(long, value_name = "N", default_value_t = 1.36)]
+    index: f64,
+    #[command(flatten)]
+    spectra: spectra::Options,
+    /// Result: a .zarr group with `field` (time, z, y, x), pictures beside it
+    #[arg(short, long, value_name = "V.zarr")]
+    output: PathBuf,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Sweep {
+    /// Rises
+    Up,
+    /// Falls
+    Down,
+}
+
+impl Arguments {
+    /// A depth pixel, lambda^2 / (2 n Delta lambda) in µm, where wavelength and width are known.
+    fn depth_px_um(&self) -> Result<Option<f64>> {
+        let (Some(wavelength), Some(bandwidth)) = (self.wavelength_nm, self.bandwidth_nm) else {
+            return Ok(None);
+        };
+        let positive = |value: f64| value.is_finite() && value > 0.0;
+        if [wavelength, bandwidth, self.index].into_iter().all(positive) {
+            Ok(Some(wavelength * wavelength / (2.0 * self.index * bandwidth) / 1000.0))
+        } else {
+            Err(Error::usage("wavelength, width and index must be above 0"))
+        }
+    }
+}
+
+pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
+    let extension = arguments.recording.extension().map(|e| e.to_string_lossy().to_lowercase());
+    match extension.as_deref() {
+        Some("npy") => spectra::run(arguments, common),
+        _ => Err(Error::usage(format!(
+            "{}: give recorded spectra as .npy",
+            arguments.recording.display()
+        ))),
+    }
+}
