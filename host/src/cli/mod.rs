@@ -51,7 +51,7 @@ enum Command {
     /// Make a series with known truth
     #[command(subcommand)]
     Simulate(simulate::Scenes),
-    /// Camera recording of sweeps to complex volumes, aligned and flattened
+    /// Camera recording of sweeps, or spectra, to complex volumes
     Reconstruct(reconstruct::Arguments),
     /// Phase of a series: a curve over a mask, or images by a Gaussian average
     Phase(phase::Arguments),

@@ -9,6 +9,7 @@
 //! | `npy` | NumPy files, by positioned reads and writes |
 //! | `zarr` | Zarr v3 groups |
 //! | `mask` | a region of interest |
+//! | `volume` | one complex volume, slab by slab |
 //! | `image` | phase images, strip by strip |
 //! | `field` | complex frames, one after the other |
 //! | `curve` | one phase per frame |
@@ -35,6 +36,7 @@ mod raw;
 mod shape;
 mod staged;
 mod unfinished;
+mod volume;
 mod volumes;
 mod zarr;
 
@@ -50,6 +52,7 @@ pub use shape::Shape;
 pub use staged::write_atomic;
 pub(crate) use staged::{StagedFile, StagedFolder};
 pub use unfinished::Unfinished;
+pub use volume::VolumeWriter;
 pub use volumes::{Companions, VolumesLayout, VolumesWriter};
 pub(crate) use zarr::GroupWriter;
 

@@ -5,17 +5,20 @@
 //! | `header` | type, shape and order of the array in a file, and whether the file is whole |
 //! | `series` | complex frames, read row by row |
 //! | `array` | small real arrays, read whole |
+//! | `spectra` | recorded spectra, read B-scan by B-scan |
 //! | `writer` | arrays of known shape, written in pieces |
 
 mod array;
 mod header;
 mod series;
+mod spectra;
 mod writer;
 
 pub(crate) use array::read_flags;
 pub use array::{read_f64_1d, read_real};
 pub(crate) use header::Header;
 pub(crate) use series::open_series;
+pub use spectra::SpectraFile;
 pub(crate) use writer::NpyWriter;
 
 use std::path::{Path, PathBuf};

@@ -9,7 +9,8 @@ use super::resample::origin;
 use super::second_pass::interpolate;
 use super::segment::{self, Hints, Surfaces};
 use super::settings::Settings;
-use super::spectrum::hann;
+use super::spectra::Compensation;
+use super::window::Window;
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
@@ -66,7 +67,12 @@ pub fn analyse(
 ) -> Result<(Analysis, Surfaces)> {
     let motions = motions(plan, state)?;
     let surfaces = surfaces(plan, state, settings, [height, width])?;
-    let dispersion = dispersion_at_isos(plan, &motions, &surfaces.isos, [height, width])?;
+    let dispersion = match settings.compensation {
+        Compensation::Known(dispersion) => dispersion,
+        Compensation::Estimated => {
+            dispersion_at_isos(plan, &motions, &surfaces.isos, [height, width])?
+        }
+    };
     let (jitter, jitter_sigma) = starts(plan, state, &motions);
     let apart = mean_distance(&surfaces);
     let behind = apart.round() as usize;
@@ -150,7 +156,7 @@ fn dispersion_at_isos(
             })
         })
         .collect();
-    let (images, window) = (plan.images, hann(plan.images));
+    let (images, window) = (plan.images, Window::Hann.weights(plan.images));
     let spectra = &plan.lines.spectra;
     let found =
         dispersion::estimate_at(spectra, images, &window, &centres, HALF_WINDOW, plan.dispersion)?;

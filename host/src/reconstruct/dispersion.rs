@@ -97,10 +97,7 @@ pub fn estimate(
     start: Option<Dispersion>,
 ) -> Result<Estimate> {
     check(spectra, images, window)?;
-    if depths.is_empty() || depths.end > images / 2 {
-        let half = images / 2;
-        return Err(Error::usage(format!("depths {depths:?}: choose some within 0..{half}")));
-    }
+    check_depths(&depths, images)?;
     let lines = |spectra: &[f32]| {
         let first = vec![depths.start; spectra.len() / images];
         Lines::new(spectra, window, first, depths.len(), 0.0)
@@ -118,6 +115,25 @@ pub fn estimate(
         (true, true) => Estimate { evaluations, ..found },
         (false, _) => Estimate { fixed_fringes: true, evaluations, ..found },
     })
+}
+
+/// Sharpness N sum I^2 / (sum I)^2 of spectra (line, m) over `depths`, as [`estimate`] measures it
+/// under a given correction.
+///
+/// # Errors
+/// As [`estimate`].
+pub fn sharpness(
+    spectra: &[f32],
+    images: usize,
+    window: &[f32],
+    depths: Range<usize>,
+    dispersion: Dispersion,
+) -> Result<f64> {
+    check(spectra, images, window)?;
+    check_depths(&depths, images)?;
+    let first = vec![depths.start; spectra.len() / images];
+    let lines = Lines::new(&less_mean(spectra, images), window, first, depths.len(), 0.0);
+    Ok(lines.sharpness(dispersion))
 }
 
 /// Dispersion at one layer: as [`estimate`] from `start`, over the depths within `half_width` of
@@ -169,6 +185,14 @@ fn check(spectra: &[f32], images: usize, window: &[f32]) -> Result<()> {
     }
     if !spectra.iter().all(|value| value.is_finite()) {
         return Err(Error::failed("dispersion: the spectra hold NaN or infinity"));
+    }
+    Ok(())
+}
+
+fn check_depths(depths: &Range<usize>, images: usize) -> Result<()> {
+    if depths.is_empty() || depths.end > images / 2 {
+        let half = images / 2;
+        return Err(Error::usage(format!("depths {depths:?}: choose some within 0..{half}")));
     }
     Ok(())
 }

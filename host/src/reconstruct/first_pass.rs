@@ -10,7 +10,8 @@ use super::counts::SweepCounts;
 use super::mean::MeanVolume;
 use super::preparation::Preparation;
 use super::register::{Feature, MATCHED, Motion, PairMotion, Registration};
-use super::spectrum::{Direction, Input, Transform, hann};
+use super::spectrum::{Direction, Input, Transform};
+use super::window::Window;
 use crate::allocate::zeros;
 use crate::error::Result;
 use crate::io::RawImages;
@@ -73,7 +74,12 @@ impl<'a> FirstPass<'a> {
         let (height, width) = (format.height, format.width);
         let grid = Grid::new(height, width);
         let depth = plan.depths.len();
-        let transform = Transform::new(grid, &hann(plan.images), &plan.dispersion, Direction::Up)?;
+        let transform = Transform::new(
+            grid,
+            &Window::Hann.weights(plan.images),
+            &plan.dispersion,
+            Direction::Up,
+        )?;
         let state = match state {
             Some(state) => state,
             None => State::new(plan, &grid, [depth, height, width])?,

@@ -10,6 +10,7 @@
 //! ```
 //! with f the frequency along m. Slow frequencies are left out: there the source's own changes are.
 
+use super::window::Window;
 use num_complex::Complex64;
 use rayon::prelude::*;
 use rustfft::FftPlanner;
@@ -67,7 +68,7 @@ pub fn estimate(traces: &[&[f32]], images: usize) -> Jitter {
 
 /// Windowed spectrum along m of each part.
 fn spectra_of(trace: &[f32], images: usize) -> Vec<Complex64> {
-    let window = super::spectrum::hann(images);
+    let window = Window::Hann.weights(images);
     let mut spectra: Vec<Complex64> = trace
         .chunks_exact(images)
         .flat_map(|part| part.iter().zip(&window).map(|(&g, &w)| f64::from(g * w).into()))

@@ -20,6 +20,9 @@
 //! | `jitter` | late starts of the camera |
 //! | `preparation`, `first_pass`, `analysis`, `second_pass`, `recording` | the order of work |
 //! | `findings`, `preview` | what is kept and shown of it |
+//! | `linearise`, `mirror`, `smooth` | spectra at equal steps of the wavenumber |
+//! | `spectra` | a volume of recorded spectra, all steps |
+//! | `window` | windows over the spectrum |
 
 pub mod analysis;
 pub mod background;
@@ -30,8 +33,10 @@ pub mod first_pass;
 mod fringes;
 pub mod illumination;
 pub mod jitter;
+pub mod linearise;
 pub mod lines;
 pub mod mean;
+pub mod mirror;
 pub mod preparation;
 pub mod preview;
 pub mod recording;
@@ -43,5 +48,8 @@ pub mod segment;
 pub mod settings;
 mod sharpness;
 mod simplex;
+mod smooth;
+pub mod spectra;
 pub mod spectrum;
 pub mod sweeps;
+pub mod window;

@@ -9,8 +9,9 @@ use super::illumination::Illumination;
 use super::lines::{self, Lines, spread};
 use super::scan;
 use super::settings::Settings;
-use super::spectrum::hann;
+use super::spectra::Compensation;
 use super::sweeps::{self, Sweep};
+use super::window::Window;
 use crate::error::{Error, Result};
 use crate::io::RawImages;
 use num_complex::Complex32;
@@ -38,7 +39,7 @@ pub struct Preparation {
     pub lines: Lines,
     /// Dispersion for the first pass.
     pub dispersion: Dispersion,
-    /// How it was found; none where it was given and nothing better was found.
+    /// What the search found.
     pub estimate: Estimate,
     /// Depths that the retina occupies, with room for its motion.
     pub depths: Range<usize>,
@@ -62,12 +63,13 @@ pub fn prepare(raw: &dyn RawImages, settings: &Settings) -> Result<Preparation> 
     }
     let illumination = illumination(raw, &sweeps, &good, images)?;
     let lines = lines::read(raw, &sweeps, &good, images, &illumination)?;
-    let window = hann(images);
+    let window = Window::Hann.weights(images);
     let searched = FIRST_DEPTH..images / 2;
-    let start = settings.dispersion;
-    let estimate = dispersion::estimate(&lines.spectra, images, &window, searched, start)?;
-    let known = start.filter(|_| !estimate.is_reliable());
-    let dispersion = known.unwrap_or(estimate.dispersion);
+    let estimate = dispersion::estimate(&lines.spectra, images, &window, searched, None)?;
+    let dispersion = match settings.compensation {
+        Compensation::Known(dispersion) => dispersion,
+        Compensation::Estimated => estimate.dispersion,
+    };
     let depths = bright_depths(&lines.spectra, images, &dispersion);
     Ok(Preparation { images, sweeps, illumination, lines, dispersion, estimate, depths })
 }
@@ -95,7 +97,8 @@ pub fn saturation(bits: u32) -> u16 {
 /// Depths that stand above the noise in the mean over the lines, with a margin.
 fn bright_depths(spectra: &[f32], images: usize, dispersion: &Dispersion) -> Range<usize> {
     let fft = FftPlanner::new().plan_fft_forward(images);
-    let correction: Vec<Complex32> = hann(images)
+    let correction: Vec<Complex32> = Window::Hann
+        .weights(images)
         .iter()
         .enumerate()
         .map(|(m, &w)| {

@@ -3,7 +3,8 @@
 use super::background::{BLOCK, Grid};
 use super::dispersion::Dispersion;
 use super::preparation::Preparation;
-use super::spectrum::{Direction, Input, Transform, hann};
+use super::spectrum::{Direction, Input, Transform};
+use super::window::Window;
 use crate::error::Result;
 use crate::io::RawImages;
 
@@ -39,7 +40,8 @@ pub fn bscans(
     let fixed = vec![0.0; images * grid.blocks()];
     let input = Input { counts: &counts, source: &source, illumination: light, fixed: &fixed };
     let scan = |dispersion: &Dispersion| -> Result<Vec<f32>> {
-        let transform = Transform::new(grid, &hann(images), dispersion, Direction::Up)?;
+        let transform =
+            Transform::new(grid, &Window::Hann.weights(images), dispersion, Direction::Up)?;
         let mut volume = vec![0.0; images / 2 * ROWS * width];
         transform.amplitudes(input, 0..images / 2, &mut volume)?;
         let mean = |plane: &[f32], x: usize| {

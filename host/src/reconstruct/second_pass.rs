@@ -6,7 +6,8 @@ use super::background::Grid;
 use super::counts::SweepCounts;
 use super::preparation::Preparation;
 use super::resample::{origin, undo_lateral};
-use super::spectrum::{Direction, Input, Transform, hann};
+use super::spectrum::{Direction, Input, Transform};
+use super::window::Window;
 use crate::allocate::zeros;
 use crate::error::Result;
 use crate::io::{RawImages, VolumesWriter};
@@ -46,7 +47,12 @@ impl<'a> SecondPass<'a> {
             plan,
             analysis,
             grid,
-            transform: Transform::new(grid, &hann(plan.images), &analysis.dispersion, direction)?,
+            transform: Transform::new(
+                grid,
+                &Window::Hann.weights(plan.images),
+                &analysis.dispersion,
+                direction,
+            )?,
             counts: SweepCounts::new(plan.images, height, width)?,
             shifts: vec![0.0; height * width],
             field: zeros(analysis.depths.len() * height * width, "one volume")?,

@@ -1,12 +1,9 @@
 //! What the user says about a recording.
 
-use super::dispersion::Dispersion;
+use super::spectra::Compensation;
 use super::spectrum::Direction;
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
-
-/// Refractive index of the retina.
-pub const REFRACTIVE_INDEX: f64 = 1.36;
 
 /// Parameters of a reconstruction.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -17,12 +14,14 @@ pub struct Settings {
     pub wavelength_nm: f64,
     /// Width of the band that the K images span, nm.
     pub bandwidth_nm: f64,
+    /// Refractive index of the sample.
+    pub refractive_index: f64,
     /// Direction of the sweep.
     pub direction: Direction,
     /// Write whole volumes instead of the layers' surroundings.
     pub full: bool,
-    /// Known dispersion, from which the search starts.
-    pub dispersion: Option<Dispersion>,
+    /// How dispersion is found.
+    pub compensation: Compensation,
     /// Known depth of the IS/OS at the centre of the field, depth pixels.
     pub isos_px: Option<f64>,
     /// Known length of the outer segments, um.
@@ -33,7 +32,7 @@ impl Settings {
     /// One depth pixel: lambda^2 / (2 n bandwidth), um in tissue.
     #[must_use]
     pub fn depth_px_um(&self) -> f64 {
-        self.wavelength_nm.powi(2) / (2.0 * REFRACTIVE_INDEX * self.bandwidth_nm) / 1000.0
+        self.wavelength_nm.powi(2) / (2.0 * self.refractive_index * self.bandwidth_nm) / 1000.0
     }
 
     /// Check all of them.
@@ -45,9 +44,11 @@ impl Settings {
             let images = self.images;
             return Err(Error::usage(format!("--images {images}: must be between 16 and 8192")));
         }
-        for (flag, value) in
-            [("--wavelength-nm", self.wavelength_nm), ("--bandwidth-nm", self.bandwidth_nm)]
-        {
+        for (flag, value) in [
+            ("--wavelength-nm", self.wavelength_nm),
+            ("--bandwidth-nm", self.bandwidth_nm),
+            ("--index", self.refractive_index),
+        ] {
             if !(value.is_finite() && value > 0.0) {
                 return Err(Error::usage(format!("{flag} {value}: must be a positive number")));
             }
@@ -80,7 +81,8 @@ mod tests {
             bandwidth_nm: 51.0,
             direction: Direction::Up,
             full: false,
-            dispersion: None,
+            compensation: Compensation::Estimated,
+            refractive_index: 1.36,
             isos_px: None,
             outer_segment_um: None,
         }

@@ -1,15 +1,15 @@
 //! `phasewalk reconstruct` of a camera recording.
 
+use super::Arguments;
 use super::pictures::{self, Folder};
-use crate::cli::{Common, check_output, fraction, megabytes, print};
+use crate::cli::{Common, check_output, megabytes, print};
 use crate::error::{Error, Result};
-use crate::io::{RawFormat, open_raw};
+use crate::io::{Format, RawFormat, RawImages, open_raw};
 use crate::reconstruct::dispersion::Dispersion;
 use crate::reconstruct::findings::{Findings, Survey};
 use crate::reconstruct::preparation::Preparation;
 use crate::reconstruct::recording::{Job, Observer};
 use crate::reconstruct::settings::Settings;
-use crate::reconstruct::spectrum::Direction;
 use crate::trigger::log::RunLog;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -17,22 +17,17 @@ use std::time::Instant;
 
 /// Options of a camera recording.
 #[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Camera recordings (.cih, .cihx, .mraw)")]
 pub(super) struct Options {
-    /// Images of a sweep (camera recordings)
+    /// Images of a sweep
     #[arg(long, value_name = "K", allow_negative_numbers = true)]
     images: Option<usize>,
-    /// Direction of the sweep: does the wavenumber grow (up) or fall (down)?
-    #[arg(long, value_enum, default_value_t = Direction::Up)]
-    sweep: Direction,
     /// Write whole volumes instead of the layers' surroundings
     #[arg(long)]
     full: bool,
-    /// Run log of the trigger board (.ndjson): real times, and a check of the number of sweeps
+    /// Run log of the trigger board: real times, and a check of the number of sweeps
     #[arg(long, value_name = "RUN.ndjson")]
     run_log: Option<PathBuf>,
-    /// Known dispersion, from which the search starts: rad at the band's edge
-    #[arg(long, value_name = "A2,A3", value_parser = dispersion, allow_hyphen_values = true)]
-    dispersion: Option<Dispersion>,
     /// Depth of the IS/OS at the centre of the field, in depth pixels, where the choice is wrong
     #[arg(long, value_name = "PX", allow_negative_numbers = true)]
     isos_px: Option<f64>,
@@ -42,61 +37,37 @@ pub(super) struct Options {
     /// Go on with a run that was interrupted
     #[arg(long)]
     resume: bool,
-    /// Leave out the folder of diagnostic pictures
+    /// Leave out the folder of diagnostic pictures, V.steps beside V.zarr
     #[arg(long)]
     no_pictures: bool,
 }
 
-/// `A2,A3` in radians.
-fn dispersion(text: &str) -> std::result::Result<Dispersion, String> {
-    let (a2, a3) = text.split_once(',').ok_or_else(|| format!("'{text}' is not A2,A3"))?;
-    Ok(Dispersion { a2: fraction(a2)?, a3: fraction(a3)? })
-}
-
-/// What is common to recordings and spectra.
-pub(super) struct Target<'a> {
-    pub(super) input: &'a Path,
-    pub(super) output: &'a Path,
-    pub(super) wavelength_nm: f64,
-    pub(super) bandwidth_nm: f64,
-}
-
-pub(super) fn run(target: &Target<'_>, options: &Options, common: &Common) -> Result<()> {
-    let images = options.images.ok_or_else(|| {
-        Error::usage("--images K is missing: how many images a sweep of the recording has")
-    })?;
-    let settings = Settings {
-        images,
-        wavelength_nm: target.wavelength_nm,
-        bandwidth_nm: target.bandwidth_nm,
-        direction: options.sweep,
-        full: options.full,
-        dispersion: options.dispersion,
-        isos_px: options.isos_px,
-        outer_segment_um: options.outer_segment_um,
-    };
-    settings.validate()?;
-    check_output("-o", target.output, &[target.input])?;
-    let raw = open_raw(target.input)?;
+pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
+    let (options, recording) = (&arguments.camera, &arguments.recording);
+    let settings = settings(arguments)?;
+    if Format::of(&arguments.output)? != Format::Zarr {
+        return Err(Error::usage("-o: the reconstruction is a group: give a name with .zarr"));
+    }
+    check_output("-o", &arguments.output, &[recording.as_path()])?;
+    let raw = open_raw(recording)?;
     let times_s = options.run_log.as_deref().map(times).transpose()?;
     let start = Instant::now();
     let show = Show {
         common,
         format: raw.format(),
-        pictures: (!options.no_pictures).then(|| Folder::beside(target.output)),
+        pictures: (!options.no_pictures).then(|| Folder::beside(&arguments.output)),
         raw: raw.as_ref(),
         settings: &settings,
     };
     let job = Job {
         raw: raw.as_ref(),
-        name: target.input,
+        name: recording,
         settings: &settings,
         times_s,
-        output: target.output,
+        output: &arguments.output,
         resume: options.resume,
     };
-    let about = |error: Error| error.about(target.input);
-    let (findings, path) = job.run(&show).map_err(about)?;
+    let (findings, path) = job.run(&show).map_err(|error| error.about(recording))?;
     let seconds = start.elapsed().as_secs_f64();
     if common.json {
         print(&summary(&findings, &show, &path, seconds).to_string());
@@ -104,6 +75,30 @@ pub(super) fn run(target: &Target<'_>, options: &Options, common: &Common) -> Re
         tell(&findings, &show, &path, seconds);
     }
     Ok(())
+}
+
+fn settings(arguments: &Arguments) -> Result<Settings> {
+    let missing = |flag: &str, what: &str| {
+        Error::usage(format!("{flag} is missing: {what} of the camera recording"))
+    };
+    let Options { images, full, isos_px, outer_segment_um, .. } = arguments.camera;
+    let settings = Settings {
+        images: images.ok_or_else(|| missing("--images", "images of one sweep"))?,
+        wavelength_nm: arguments
+            .wavelength_nm
+            .ok_or_else(|| missing("--wavelength-nm", "the centre wavelength"))?,
+        bandwidth_nm: arguments
+            .bandwidth_nm
+            .ok_or_else(|| missing("--bandwidth-nm", "the width of the band"))?,
+        refractive_index: arguments.index,
+        direction: arguments.sweep,
+        full,
+        compensation: arguments.dispersion,
+        isos_px,
+        outer_segment_um,
+    };
+    settings.validate()?;
+    Ok(settings)
 }
 
 /// Times of the volumes of a run.
@@ -116,7 +111,7 @@ struct Show<'a> {
     common: &'a Common,
     format: RawFormat,
     pictures: Option<Folder>,
-    raw: &'a dyn crate::io::RawImages,
+    raw: &'a dyn RawImages,
     settings: &'a Settings,
 }
 

@@ -49,7 +49,10 @@ pub(crate) fn read_flags(path: &Path) -> Result<(Vec<usize>, Vec<bool>)> {
 }
 
 /// How the bytes of one number become a number.
-fn converter(path: &Path, header: &Header) -> Result<fn(&[u8]) -> f64> {
+pub(super) type Convert = fn(&[u8]) -> f64;
+
+/// The conversion for the numbers of a file.
+pub(super) fn converter(path: &Path, header: &Header) -> Result<Convert> {
     macro_rules! number {
         ($type:ty) => {
             if header.number_type.big_endian {
