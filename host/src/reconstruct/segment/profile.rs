@@ -25,10 +25,11 @@ const SPREAD_PX: usize = 3;
 const SHARP_SIGMA_PX: f64 = 0.3;
 
 /// A mean A-line: `values[i]` at distance `first + i / FINE` from the surface.
-#[derive(Clone)]
 pub(super) struct Profile {
     pub first: f64,
     pub values: Vec<f64>,
+    /// 1 where there are intensities, 0 where `values` are filled in.
+    known: Vec<f64>,
     /// Level without layers.
     pub floor: f64,
     /// Relative rms noise, from two halves of the field.
@@ -61,8 +62,8 @@ impl Bins {
         }
     }
 
-    /// Means of the bins, neighbours with half the weight; empty ones from those around.
-    fn means(&self) -> Vec<f64> {
+    /// Means of the bins, neighbours with half the weight, and where there are any.
+    fn means(&self) -> (Vec<f64>, Vec<f64>) {
         let count = self.sums.len();
         let blended: Vec<[f64; 2]> = (0..count)
             .map(|at| {
@@ -72,22 +73,10 @@ impl Bins {
             })
             .collect();
         let fullest = blended.iter().map(|bin| bin[1]).fold(0.0, f64::max);
-        let known: Vec<usize> =
-            (0..count).filter(|&at| blended[at][1] > (LEAST_SHARE * fullest).max(0.5)).collect();
-        let value = |at: usize| blended[at][0] / blended[at][1];
-        let mut means = vec![0.0; count];
-        for pair in known.windows(2) {
-            for (at, mean) in means.iter_mut().enumerate().take(pair[1]).skip(pair[0]) {
-                let part = (at - pair[0]) as f64 / (pair[1] - pair[0]) as f64;
-                *mean = (1.0 - part) * value(pair[0]) + part * value(pair[1]);
-            }
-        }
-        if let (Some(&from), Some(&to)) = (known.first(), known.last()) {
-            let (low, high) = (value(from), value(to));
-            means[..from].fill(low);
-            means[to..].fill(high);
-        }
-        means
+        let least = (LEAST_SHARE * fullest).max(0.5);
+        let known = blended.iter().map(|bin| f64::from(u8::from(bin[1] > least))).collect();
+        let values = blended.iter().map(|bin| bin[0] / bin[1].max(0.5)).collect();
+        (values, known)
     }
 }
 
@@ -145,15 +134,21 @@ fn of_rows(
     let noise = difference(&halves);
     let [mut all, other] = halves;
     all.merge(&other);
-    let values = all.means();
-    let floor = quantile(values.iter().copied(), FLOOR_SHARE);
-    Profile { first: first as f64 / FINE as f64, values, floor, noise }
+    let (values, known) = all.means();
+    let seen = values.iter().zip(&known).filter(|(_, known)| **known > 0.0);
+    let floor = quantile(seen.map(|(value, _)| *value), FLOOR_SHARE);
+    let mut profile = Profile { first: first as f64 / FINE as f64, values, known, floor, noise };
+    profile.fill();
+    profile
 }
 
 /// rms of the relative half difference of two profiles, from its median.
 fn difference(halves: &[Bins; 2]) -> f64 {
-    let [a, b] = [halves[0].means(), halves[1].means()];
-    let relative = a.iter().zip(&b).map(|(a, b)| ((a - b) / (a + b).max(f64::MIN_POSITIVE)).abs());
+    let [(a, a_known), (b, b_known)] = [halves[0].means(), halves[1].means()];
+    let known = a_known.iter().zip(&b_known).map(|(a, b)| a * b > 0.0);
+    let relative = a.iter().zip(&b).zip(known).filter(|(_, known)| *known);
+    let relative =
+        relative.map(|((a, b), _)| ((a - b) / (a + b).max(f64::MIN_POSITIVE)).abs());
     quantile(relative, 0.5) / 0.6745
 }
 
@@ -165,30 +160,53 @@ impl Profile {
 
     /// Value at a distance from the surface, linear between the bins, constant outside.
     pub fn at(&self, distance_px: f64) -> f64 {
-        let place =
-            ((distance_px - self.first) * FINE as f64).clamp(0.0, (self.values.len() - 1) as f64);
+        let place = ((distance_px - self.first) * FINE as f64)
+            .clamp(0.0, (self.values.len() - 1) as f64);
         let low = (place as usize).min(self.values.len().saturating_sub(2));
         let part = place - low as f64;
         let high = (low + 1).min(self.values.len() - 1);
         (1.0 - part) * self.values[low] + part * self.values[high]
     }
 
-    /// The layers without the axial point spread (Richardson–Lucy), floor removed.
+    /// The layers without the axial point spread, floor removed.
     pub fn sharpened(&self) -> Vec<f64> {
-        let spread = axial_spread();
-        let data: Vec<f64> =
-            self.values.iter().map(|value| (value - self.floor).max(0.0)).collect();
-        let mean = data.iter().sum::<f64>() / data.len().max(1) as f64;
-        let mut sharp = vec![mean; data.len()];
-        for _ in 0..SHARPENING {
-            let seen = convolve(&sharp, &spread);
-            let ratio: Vec<f64> =
-                data.iter().zip(&seen).map(|(data, seen)| data / seen.max(1e-6 * mean)).collect();
-            for (value, factor) in sharp.iter_mut().zip(convolve(&ratio, &spread)) {
-                *value *= factor;
+        convolve(&self.layers(), &gaussian(SHARP_SIGMA_PX))
+    }
+
+    /// Fills the bins without intensities, as along a flat surface, with what the layers give there.
+    fn fill(&mut self) {
+        if self.known.iter().all(|&known| known > 0.0) {
+            return;
+        }
+        let seen = convolve(&self.layers(), &axial_spread());
+        for ((value, known), seen) in self.values.iter_mut().zip(&self.known).zip(seen) {
+            if *known == 0.0 {
+                *value = seen + self.floor;
             }
         }
-        convolve(&sharp, &gaussian(SHARP_SIGMA_PX))
+    }
+
+    /// Richardson–Lucy: x ← x · Sᵀ(w d / S x) / Sᵀw, with the point spread S and the known bins w.
+    fn layers(&self) -> Vec<f64> {
+        let spread = axial_spread();
+        let data: Vec<f64> = self.values.iter().map(|value| (value - self.floor).max(0.0)).collect();
+        let weighted = data.iter().zip(&self.known).map(|(data, known)| data * known);
+        let mean = weighted.sum::<f64>() / self.known.iter().sum::<f64>().max(1.0);
+        let norm = convolve(&self.known, &spread);
+        let mut layers = vec![mean; data.len()];
+        for _ in 0..SHARPENING {
+            let seen = convolve(&layers, &spread);
+            let ratio = data.iter().zip(&seen).zip(&self.known);
+            let ratio: Vec<f64> = ratio
+                .map(|((data, seen), known)| known * data / seen.max(1e-6 * mean))
+                .collect();
+            for ((value, factor), norm) in
+                layers.iter_mut().zip(convolve(&ratio, &spread)).zip(&norm)
+            {
+                *value *= factor / norm.max(0.01);
+            }
+        }
+        layers
     }
 }
 

@@ -18,35 +18,18 @@ const CLEARLY: f64 = 3.0;
 /// Differences at two lags are equal within this factor.
 const EQUALLY: f64 = 1.5;
 
-/// Refuses a K that is not the period of the data.
+/// Refuses a K that is not the period of the data, or several periods.
 pub(super) fn check(trace: &Trace, data: &Scaled, period: usize) -> Result<()> {
-    check_divisors(data, period)?;
-    match found(trace, 2 * period) {
-        Some(other) if other % period != 0 && period % other != 0 => {
-            let better = CLEARLY * unrest(data, other) < unrest(data, period);
-            if better { Err(wrong(other, period)) } else { Ok(()) }
-        }
-        Some(other) if other > period && CLEARLY * unrest(data, other) < unrest(data, period) => {
-            Err(wrong(other, period))
-        }
-        _ => Ok(()),
-    }
-}
-
-/// Refuses a K that is two, three or five true periods.
-fn check_divisors(data: &Scaled, period: usize) -> Result<()> {
-    let whole = unrest(data, period);
-    for part in [5, 4, 3, 2] {
-        let other = period / part;
-        let divides = period % part == 0 && other >= SHORTEST;
-        if divides
-            && unrest(data, other) < EQUALLY * whole
-            && unrest(data, other / 2) > CLEARLY * whole
-        {
-            return Err(wrong(other, period));
-        }
-    }
-    Ok(())
+    let Some(other) = found(trace, 2 * period).filter(|&other| other != period) else {
+        return Ok(());
+    };
+    let (given, better) = (unrest(data, period), unrest(data, other));
+    let refuted = if period % other == 0 {
+        better < EQUALLY * given && unrest(data, other / 2) > CLEARLY * better
+    } else {
+        CLEARLY * better < given
+    };
+    if refuted { Err(wrong(other, period)) } else { Ok(()) }
 }
 
 /// The error of a recording in which most sweeps fit nothing.
