@@ -52,24 +52,28 @@ struct Region {
     /// Later depth index minus earlier depth index.
     deeper: i64,
     depths: Range<usize>,
+    /// Every how many depths are summed.
+    step: usize,
     rows: Range<usize>,
     columns: Range<usize>,
 }
 
 /// Sums of all cells that overlap after `motion`, over every `step`-th depth.
 pub fn cells(plan: &Plan, earlier: Side, later: Side, motion: Motion, step: usize) -> Vec<Cell> {
-    let regions = regions(plan, earlier.first as i64 - later.first as i64, motion);
+    let deeper = earlier.first as i64 - later.first as i64;
+    let regions = regions(plan, deeper, step, motion);
     let tasks: Vec<(usize, Range<usize>)> = regions
         .iter()
         .enumerate()
         .flat_map(|(i, region)| {
             let Range { start, end } = region.depths;
-            (start..end).step_by(TASK).map(move |z| (i, z..(z + TASK).min(end)))
+            let task = TASK * region.step;
+            (start..end).step_by(task).map(move |z| (i, z..(z + task).min(end)))
         })
         .collect();
     let parts: Vec<(usize, [i64; SIDE * SIDE * SIDE])> = tasks
         .into_par_iter()
-        .map(|(i, depths)| (i, sums(plan, &regions[i], depths.step_by(step), earlier, later)))
+        .map(|(i, depths)| (i, sums(plan, &regions[i], depths, earlier, later)))
         .collect();
     let mut totals = vec![[0i64; SIDE * SIDE * SIDE]; regions.len()];
     for (i, part) in parts {
@@ -83,7 +87,7 @@ pub fn cells(plan: &Plan, earlier: Side, later: Side, motion: Motion, step: usiz
 }
 
 /// The cells that still have pixels when the later feature is moved back.
-fn regions(plan: &Plan, deeper: i64, motion: Motion) -> Vec<Region> {
+fn regions(plan: &Plan, deeper: i64, step: usize, motion: Motion) -> Vec<Region> {
     let dz = motion.shift[0].round() as i64;
     let deeper = deeper + dz;
     let depths = overlap(0..plan.kept, plan.kept, 0, deeper);
@@ -99,8 +103,15 @@ fn regions(plan: &Plan, deeper: i64, motion: Motion) -> Vec<Region> {
             let rows = overlap(rows, plan.block[0], BORDER, dy);
             let columns = overlap(columns, plan.block[1], BORDER, dx);
             if rows.len() >= LEAST && columns.len() >= LEAST && depths.len() >= LEAST {
-                let depths = depths.clone();
-                regions.push(Region { block, lag: [dz, dy, dx], deeper, depths, rows, columns });
+                regions.push(Region {
+                    block,
+                    lag: [dz, dy, dx],
+                    deeper,
+                    depths: depths.clone(),
+                    step,
+                    rows,
+                    columns,
+                });
             }
         }
     }
@@ -127,7 +138,7 @@ fn middle(plan: &Plan, block: usize, rows: &Range<usize>, columns: &Range<usize>
 fn sums(
     plan: &Plan,
     region: &Region,
-    depths: impl Iterator<Item = usize>,
+    depths: Range<usize>,
     earlier: Side,
     later: Side,
 ) -> [i64; SIDE * SIDE * SIDE] {
@@ -135,7 +146,7 @@ fn sums(
     let (a, b) = (&earlier.blocks[region.block], &later.blocks[region.block]);
     let moved = |at: usize, by: i64, l: usize| (at as i64 + by + l as i64) as usize - REACH;
     let mut total = [0i64; SIDE * SIDE * SIDE];
-    for z in depths {
+    for z in depths.step_by(region.step) {
         for y in region.rows.clone() {
             let ours = &a[(z * rows + y) * columns..][region.columns.clone()];
             for (l, total) in total.chunks_mut(SIDE).enumerate() {

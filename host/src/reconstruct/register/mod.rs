@@ -37,6 +37,9 @@ use whiten::Whiten;
 /// The best of some 10⁵ independent positions of unrelated sweeps stays below 5.5.
 pub const MATCHED: f64 = 7.0;
 
+/// A candidate of this quality needs no comparison with others.
+const SURE: f64 = 2.0 * MATCHED;
+
 /// Sizes and transforms for volumes of one size.
 pub struct Registration {
     plan: Plan,
@@ -63,8 +66,7 @@ impl Registration {
     /// Memory of one [`Feature`].
     #[must_use]
     pub fn bytes_per_feature(&self) -> u64 {
-        let [height, width] = self.plan.block;
-        (self.plan.blocks.len() * self.plan.kept * height * width * size_of::<i16>()) as u64
+        (self.plan.voxels() * size_of::<i16>()) as u64
     }
 
     /// Motion of `later` relative to `earlier`.
@@ -73,15 +75,20 @@ impl Registration {
     /// block are searched, which costs more than ten times as much.
     #[must_use]
     pub fn pair(&self, earlier: &Feature, later: &Feature, guess: Option<Motion>) -> PairMotion {
-        match guess {
-            Some(guess) => pair::refine(&self.plan, earlier, later, guess),
-            None => self
-                .search
-                .candidates(earlier, later)
-                .into_iter()
-                .map(|start| pair::refine(&self.plan, earlier, later, start))
-                .max_by(|a, b| a.quality.total_cmp(&b.quality))
-                .unwrap_or_default(),
+        let refine = |start| pair::refine(&self.plan, earlier, later, start);
+        if let Some(guess) = guess {
+            return refine(guess);
         }
+        let mut best = PairMotion::default();
+        for start in self.search.candidates(earlier, later) {
+            let pair = refine(start);
+            if pair.quality >= best.quality {
+                best = pair;
+            }
+            if best.quality >= SURE {
+                break;
+            }
+        }
+        best
     }
 }

@@ -8,10 +8,12 @@ use super::plan::Plan;
 
 /// Cells are cut anew around a better motion at most this often.
 const ROUNDS: usize = 4;
+/// Voxels that give all the precision that is asked for.
+const VOXELS: usize = 1_000_000;
 /// Displacement beyond a cell's own lag that calls for another round, px.
 const FAR: f64 = 1.1;
 /// Error of a shift along z, y, x for a quality of 1 between weakly correlated features, px; measured.
-const ERROR: [f64; 3] = [0.8, 0.8, 0.8];
+const ERROR: [f64; 3] = [1.1, 1.25, 1.25];
 
 /// Motion of a later sweep relative to an earlier one.
 #[derive(Clone, Copy, Debug, Default, serde::Serialize, serde::Deserialize)]
@@ -32,12 +34,17 @@ impl Feature {
     }
 }
 
+/// Every how many depths serve: large volumes have speckles to spare.
+fn step(plan: &Plan) -> usize {
+    (plan.voxels() / VOXELS).max(1)
+}
+
 /// The motion next to `start`.
 pub fn refine(plan: &Plan, earlier: &Feature, later: &Feature, start: Motion) -> PairMotion {
     let mut motion = start;
     let mut pair = PairMotion::default();
     for _ in 0..ROUNDS {
-        let cells = lags::cells(plan, earlier.side(), later.side(), motion, 1);
+        let cells = lags::cells(plan, earlier.side(), later.side(), motion, step(plan));
         if cells.is_empty() {
             break;
         }

@@ -3,7 +3,7 @@
 /// Most depths that are kept: the retina and some room to move.
 const DEPTHS: usize = 64;
 /// Largest block (y, x) in pixels; larger fields are represented by four of them.
-const BLOCK: [usize; 2] = [128, 160];
+const BLOCK: [usize; 2] = [96, 144];
 /// Pixels along the edges of a block that the whitening filter spoils.
 pub const BORDER: usize = 3;
 /// About the side of a cell in pixels: so small that a rotation moves it without blurring it.
@@ -38,6 +38,11 @@ impl Plan {
         let blocks = rows.iter().flat_map(|&y| columns.iter().map(move |&x| [y, x])).collect();
         let cells = block.map(|b| b.div_ceil(CELL));
         Self { size: [depth, height, width], kept, block, blocks, cells }
+    }
+
+    /// Voxels kept of a volume.
+    pub fn voxels(&self) -> usize {
+        self.blocks.len() * self.kept * self.block[0] * self.block[1]
     }
 
     /// Image centre in pixels (y, x).

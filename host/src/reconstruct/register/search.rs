@@ -2,7 +2,6 @@
 
 use super::feature::Feature;
 use super::motion::Motion;
-use super::plan::Plan;
 use super::whiten::transpose;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex32;
