@@ -112,3 +112,42 @@ fn refuse_foreign(target: &Path) -> Result<()> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::io::read_mask;
+    use crate::simulate::oct::presets::Preset;
+
+    fn plan() -> Plan {
+        let scene =
+            OctScene { sweeps: 6, images: 128, height: 16, width: 24, ..Preset::Easy.scene() };
+        Plan::new(scene).unwrap()
+    }
+
+    #[test]
+    fn the_folder_holds_recording_and_truth() {
+        let temporary = tempfile::tempdir().unwrap();
+        let folder = temporary.path().join("eye");
+        let plan = plan();
+        for kind in [HeaderKind::Cihx, HeaderKind::Cih, HeaderKind::Cihx] {
+            let files = write_recording(&plan, &folder, kind, &Progress::hidden()).unwrap();
+            assert_eq!(files.len(), 6);
+            assert_eq!(fs::read_dir(&folder).unwrap().count(), 6);
+        }
+        assert_eq!(fs::read_dir(temporary.path()).unwrap().count(), 1);
+        assert_eq!(fs::metadata(folder.join("run.mraw")).unwrap().len(), 6 * 128 * 16 * 24 * 2);
+        let mask = read_mask(&folder.join("mask.npy"), 16, 24).unwrap();
+        assert_eq!(mask, read_mask(&folder.join("truth.zarr"), 16, 24).unwrap());
+    }
+
+    #[test]
+    fn a_folder_with_something_else_is_left_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("thesis.tex"), "years of work").unwrap();
+        let written =
+            write_recording(&plan(), folder.path(), HeaderKind::Cihx, &Progress::hidden());
+        assert!(written.unwrap_err().to_string().contains("thesis.tex"));
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+}

@@ -45,14 +45,16 @@ pub fn events(scene: &OctScene) -> Vec<Event> {
     let mut events = vec![Event::None; scene.sweeps];
     add_episodes(scene, &mut events);
     let faults = [
+        (Event::Short, scene.short_sweeps),
         (Event::Saturated, scene.saturated_sweeps),
         (Event::Missing, scene.missing_sweeps),
-        (Event::Short, scene.short_sweeps),
     ];
     let random = Random::new(scene.seed, Purpose::Faults);
     let faults = faults.into_iter().flat_map(|(event, count)| std::iter::repeat_n(event, count));
     for (i, fault) in faults.enumerate() {
-        let free: Vec<usize> = (1..events.len()).filter(|&t| events[t] == Event::None).collect();
+        // A short sweep at the very end would move no other.
+        let end = events.len() - usize::from(fault == Event::Short);
+        let free: Vec<usize> = (1..end).filter(|&t| events[t] == Event::None).collect();
         let chosen = (random.uniform(i, 0) * free.len() as f64) as usize;
         if let Some(&t) = free.get(chosen) {
             events[t] = fault;
@@ -97,6 +99,7 @@ mod tests {
                 assert_eq!(events.iter().filter(|&&e| e == fault).count(), 1);
             }
             assert_eq!(events[0], Event::None);
+            assert_ne!(events[23], Event::Short);
         }
     }
 
