@@ -11,6 +11,9 @@
 
 use super::counts::SweepCounts;
 use super::illumination::Illumination;
+use crate::allocate::zeros;
+use crate::error::Result;
+use crate::lanes::{LaneTask, Lanes, Path};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -56,43 +59,53 @@ impl Grid {
     }
 
     /// Fit S(m) = sum(v I) / sum(v^2) and give the block means of the rest.
-    #[must_use]
-    pub fn measure(&self, sweep: &SweepCounts, illumination: &Illumination) -> Background {
-        let v = &illumination.pixels;
+    ///
+    /// # Errors
+    /// When `PHASEWALK_SIMD` names what this machine does not have.
+    pub fn measure(&self, sweep: &SweepCounts, illumination: &Illumination) -> Result<Background> {
+        let (v, path) = (&illumination.pixels, Path::best()?);
         let power: f64 = v.iter().map(|&v| f64::from(v).powi(2)).sum();
-        let v_blocks = self.block_means(v.iter().copied());
+        let weights = self.block_weights();
+        let v_blocks = self.block_means(v, &weights);
         let pixels = self.height * self.width;
-        let images: Vec<(f32, Vec<f32>)> = sweep
-            .counts
-            .par_chunks_exact(pixels)
-            .map(|image| {
-                let source = (dot(image, v, self.width) / power) as f32;
-                let mut blocks = self.block_means(image.iter().map(|&count| f32::from(count)));
-                blocks.iter_mut().zip(&v_blocks).for_each(|(b, v)| *b -= source * v);
-                (source, blocks)
-            })
-            .collect();
-        let (source, blocks): (Vec<f32>, Vec<Vec<f32>>) = images.into_iter().unzip();
-        Background { source, residual: blocks.concat() }
+        let mut residual = zeros(sweep.images * self.blocks(), "block means of one sweep")?;
+        let images = sweep.counts.par_chunks_exact(pixels);
+        let source = images
+            .zip(residual.par_chunks_exact_mut(self.blocks()))
+            .map_init(
+                || vec![0.0; self.width],
+                |line, (image, blocks)| {
+                    let sum = path.run(MeasureTask { grid: self, image, v, line, blocks })?;
+                    let source = (sum / power) as f32;
+                    let scaled = blocks.iter_mut().zip(&weights).zip(&v_blocks);
+                    scaled.for_each(|((b, weight), v)| *b = *b * weight - source * v);
+                    Ok(source)
+                },
+            )
+            .collect::<Result<Vec<f32>>>()?;
+        Ok(Background { source, residual })
     }
 
-    fn block_means(&self, values: impl Iterator<Item = f32>) -> Vec<f32> {
-        let mut sums = vec![0.0_f32; self.blocks()];
-        let mut counts = vec![0.0_f32; self.columns];
-        let mut values = values;
-        for y in 0..self.height {
-            let row = &mut sums[y / BLOCK * self.columns..][..self.columns];
-            for (column, sum) in row.iter_mut().enumerate() {
-                let width = BLOCK.min(self.width - column * BLOCK);
-                *sum += values.by_ref().take(width).sum::<f32>();
-                counts[column] = width as f32;
+    /// One over the number of pixels of each block.
+    fn block_weights(&self) -> Vec<f32> {
+        let side = |block: usize, length: usize| BLOCK.min(length - block * BLOCK);
+        let weight = |i: usize| {
+            let (row, column) = (i / self.columns, i % self.columns);
+            1.0 / (side(row, self.height) * side(column, self.width)) as f32
+        };
+        (0..self.blocks()).map(weight).collect()
+    }
+
+    fn block_means(&self, values: &[f32], weights: &[f32]) -> Vec<f32> {
+        let mut blocks = vec![0.0; self.blocks()];
+        for (y, row) in values.chunks_exact(self.width).enumerate() {
+            let line = &mut blocks[y / BLOCK * self.columns..][..self.columns];
+            for (block, part) in line.iter_mut().zip(row.chunks(BLOCK)) {
+                *block += part.iter().sum::<f32>();
             }
         }
-        for (row, line) in sums.chunks_exact_mut(self.columns).enumerate() {
-            let rows = BLOCK.min(self.height - row * BLOCK) as f32;
-            line.iter_mut().zip(&counts).for_each(|(sum, count)| *sum /= count * rows);
-        }
-        sums
+        blocks.iter_mut().zip(weights).for_each(|(block, weight)| *block *= weight);
+        blocks
     }
 
     /// Smooth every image of blocks with the Gaussian of sigma = 5 px; edges are mirrored.
@@ -113,75 +126,110 @@ impl Grid {
         });
     }
 
-    /// Some columns of one row of pixels of a smoothed image of blocks, by linear interpolation
-    /// between the centres of the blocks. They begin at [`Self::offset`] of `row`, which needs room
-    /// for `4 * columns + 4` values.
+    /// Rows of pixels that lie between the same two rows of blocks, in order.
+    pub fn bands(&self) -> impl Iterator<Item = Range<usize>> {
+        let first = BLOCK / 2;
+        let ends = (first..self.height).step_by(BLOCK).chain([self.height]);
+        let starts = [0].into_iter().chain((first..self.height).step_by(BLOCK));
+        starts.zip(ends).map(|(start, end)| start..end).filter(|band| !band.is_empty())
+    }
+
+    /// Some columns of the two rows of blocks around a band of [`Self::bands`], linear between the
+    /// centres of the blocks: upper and lower, `columns.len()` values each.
     #[inline(always)]
-    pub fn interpolate_row(
+    pub fn interpolate(
         &self,
         image: &[f32],
-        y: usize,
+        band: &Range<usize>,
         columns: &Range<usize>,
-        between: &mut [f32],
-        row: &mut [f32],
+        rows: [&mut [f32]; 2],
     ) {
-        let position = (y as f32 - CENTER) / BLOCK as f32;
-        let below = position.floor();
-        let share = position - below;
-        let last = self.rows as isize - 1;
-        let line =
-            |row: isize| &image[row.clamp(0, last) as usize * self.columns..][..self.columns];
-        let (upper, lower) = (line(below as isize), line(below as isize + 1));
-        let first = first_block(columns);
-        let blocks = (columns.end + BLOCK / 2).div_ceil(BLOCK) + 1 - first;
-        let last = self.columns - 1;
-        for (i, value) in between[..blocks].iter_mut().enumerate() {
-            let block = (first + i).saturating_sub(1).min(last);
-            *value = upper[block] + share * (lower[block] - upper[block]);
-        }
-        let pairs = between[..blocks].windows(2);
-        for (four, pair) in row.as_chunks_mut::<BLOCK>().0.iter_mut().zip(pairs) {
-            for (value, share) in four.iter_mut().zip(SHARES) {
-                *value = pair[0] + share * (pair[1] - pair[0]);
+        let above = (band.start + BLOCK / 2) / BLOCK;
+        for (row, target) in rows.into_iter().enumerate() {
+            let block = (above + row).saturating_sub(1).min(self.rows - 1);
+            let line = &image[block * self.columns..][..self.columns];
+            let last = self.columns - 1;
+            for (i, four) in target[..columns.len()].chunks_mut(BLOCK).enumerate() {
+                let block = columns.start / BLOCK + i;
+                let [before, own, behind] =
+                    [block.saturating_sub(1), block, block + 1].map(|block| line[block.min(last)]);
+                let sides = [before, before, behind, behind];
+                for ((value, side), share) in four.iter_mut().zip(sides).zip(OWN_SHARES) {
+                    *value = side + share * (own - side);
+                }
             }
         }
     }
 
-    /// Where the columns begin in the row that [`Self::interpolate_row`] fills.
+    /// Where row `y` lies between the rows of blocks above and below it, 0 to 1.
     #[must_use]
-    pub fn offset(&self, columns: &Range<usize>) -> usize {
-        columns.start + BLOCK / 2 - BLOCK * first_block(columns)
+    pub fn share_below(&self, y: usize) -> f32 {
+        let position = (y as f32 - CENTER) / BLOCK as f32;
+        position - position.floor()
     }
 }
 
-/// The block before the first column, counted from 1 (0 is the mirror of the first block).
-fn first_block(columns: &Range<usize>) -> usize {
-    (columns.start + BLOCK / 2) / BLOCK
+/// Sum of counts times illumination over an image; the sums of its blocks on the way.
+struct MeasureTask<'a> {
+    grid: &'a Grid,
+    image: &'a [u16],
+    v: &'a [f32],
+    line: &'a mut [f32],
+    blocks: &'a mut [f32],
+}
+
+impl LaneTask for MeasureTask<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run<L: Lanes<Element = f32>>(self) -> f64 {
+        let Self { grid: &Grid { width, columns, .. }, image, v, line, blocks } = self;
+        let bands = image.chunks(BLOCK * width).zip(v.chunks(BLOCK * width));
+        let mut sum = 0.0;
+        for ((counts, v), blocks) in bands.zip(blocks.chunks_exact_mut(columns)) {
+            line.fill(0.0);
+            for (counts, v) in counts.chunks_exact(width).zip(v.chunks_exact(width)) {
+                sum += f64::from(dot_and_add(counts, v, line));
+            }
+            let (fours, rest) = line.as_chunks::<BLOCK>();
+            for (block, four) in blocks.iter_mut().zip(fours) {
+                *block = (four[0] + four[1]) + (four[2] + four[3]);
+            }
+            if let (Some(block), false) = (blocks.last_mut(), rest.is_empty()) {
+                *block = rest.iter().sum();
+            }
+        }
+        sum
+    }
+}
+
+/// Add a row of counts to a line, and give its sum times the illumination.
+#[inline(always)]
+fn dot_and_add(counts: &[u16], v: &[f32], line: &mut [f32]) -> f32 {
+    const LANES: usize = 32;
+    let mut sums = [0.0_f32; LANES];
+    let (counts, counts_rest) = counts.as_chunks::<LANES>();
+    let (v, v_rest) = v.as_chunks::<LANES>();
+    let (line, line_rest) = line.as_chunks_mut::<LANES>();
+    for ((counts, v), line) in counts.iter().zip(v).zip(line) {
+        for lane in 0..LANES {
+            let count = f32::from(counts[lane]);
+            sums[lane] += count * v[lane];
+            line[lane] += count;
+        }
+    }
+    let mut rest = 0.0;
+    for ((&count, v), line) in counts_rest.iter().zip(v_rest).zip(line_rest) {
+        rest += f32::from(count) * v;
+        *line += f32::from(count);
+    }
+    sums.iter().sum::<f32>() + rest
 }
 
 /// Centre of a block from its first pixel.
 const CENTER: f32 = (BLOCK as f32 - 1.0) / 2.0;
-/// Where the four pixels between two centres lie.
-const SHARES: [f32; BLOCK] = [0.125, 0.375, 0.625, 0.875];
-
-/// Sum of image times illumination, rows in `f32`, their sum in `f64`.
-fn dot(image: &[u16], v: &[f32], width: usize) -> f64 {
-    let rows = image.chunks_exact(width).zip(v.chunks_exact(width));
-    rows.map(|(counts, v)| {
-        const LANES: usize = 16;
-        let mut sums = [0.0_f32; LANES];
-        let (counts, counts_rest) = counts.as_chunks::<LANES>();
-        let (v, v_rest) = v.as_chunks::<LANES>();
-        for (counts, v) in counts.iter().zip(v) {
-            for lane in 0..LANES {
-                sums[lane] += f32::from(counts[lane]) * v[lane];
-            }
-        }
-        let rest = counts_rest.iter().zip(v_rest).map(|(&c, &v)| f32::from(c) * v);
-        f64::from(sums.iter().copied().chain(rest).sum::<f32>())
-    })
-    .sum()
-}
+/// Weight of its own block at the four pixels of a block; the rest is its nearer neighbour's.
+const OWN_SHARES: [f32; BLOCK] = [0.625, 0.875, 0.875, 0.625];
 
 /// Taps from the middle outwards, normalised to sum 1 with both sides.
 fn half_gaussian(sigma: f64) -> Vec<f32> {
@@ -215,18 +263,29 @@ mod tests {
     fn a_smooth_image_survives_blocks_and_interpolation() {
         let grid = Grid::new(22, 30);
         let smooth = |y: usize, x: usize| 3.0 + 0.2 * y as f32 - 0.1 * x as f32;
-        let values = (0..22 * 30).map(|i| smooth(i / 30, i % 30));
-        let blocks = grid.block_means(values);
-        let (mut between, mut row) = (vec![0.0; 10], vec![0.0; 36]);
-        for columns in [0..30, 3..17, 16..26] {
-            for y in 2..18 {
-                grid.interpolate_row(&blocks, y, &columns, &mut between, &mut row);
-                let from = grid.offset(&columns);
-                for x in columns.clone().filter(|x| (2..26).contains(x)) {
-                    let value = row[from + x - columns.start];
-                    assert!((value - smooth(y, x)).abs() < 1e-4, "{columns:?} {y} {x}");
+        let values: Vec<f32> = (0..22 * 30).map(|i| smooth(i / 30, i % 30)).collect();
+        let blocks = grid.block_means(&values, &grid.block_weights());
+        let (mut upper, mut lower) = ([0.0; 30], [0.0; 30]);
+        for columns in [0..30, 4..20, 16..26] {
+            for band in grid.bands() {
+                grid.interpolate(&blocks, &band, &columns, [&mut upper, &mut lower]);
+                for y in band.filter(|y| (2..18).contains(y)) {
+                    let share = grid.share_below(y);
+                    for x in columns.clone().filter(|x| (2..26).contains(x)) {
+                        let [a, b] = [upper, lower].map(|row| row[x - columns.start]);
+                        let value = a + share * (b - a);
+                        assert!((value - smooth(y, x)).abs() < 1e-4, "{columns:?} {y} {x}");
+                    }
                 }
             }
+        }
+    }
+
+    #[test]
+    fn bands_cover_all_rows() {
+        for height in 1..20 {
+            let rows: Vec<usize> = Grid::new(height, 4).bands().flatten().collect();
+            assert_eq!(rows, (0..height).collect::<Vec<_>>());
         }
     }
 
@@ -253,7 +312,7 @@ mod tests {
             *count = 1000 + 50 * (i / (height * width)) as u16;
         }
         let light = Illumination::measure(&sweep, 4095).unwrap();
-        let background = Grid::new(height, width).measure(&sweep, &light);
+        let background = Grid::new(height, width).measure(&sweep, &light).unwrap();
         for (m, source) in background.source.iter().enumerate() {
             assert!((source - (1000.0 + 50.0 * m as f32)).abs() < 1e-2, "{source}");
         }

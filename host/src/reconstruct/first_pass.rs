@@ -157,7 +157,7 @@ impl<'a> FirstPass<'a> {
     fn look_at(&mut self, sweep: usize) -> Result<Background> {
         let first = self.plan.sweeps[sweep].first_image;
         self.counts.load(self.raw, first, &self.plan.illumination)?;
-        Ok(self.grid.measure(&self.counts, &self.plan.illumination))
+        self.grid.measure(&self.counts, &self.plan.illumination)
     }
 
     /// |U| of the loaded sweep. The sweep's own residual, smoothed, stands for the fixed fringes: their

@@ -124,7 +124,8 @@ mod tests {
         let inner = |i: &usize| (12..52).contains(&(i % width)) && i % width != 20;
         for (i, value) in rest.iter().enumerate().filter(|(i, _)| inner(i)) {
             let error = value - speckle(i % width);
-            assert!(error.abs() < 4.0, "{i}: {error}");
+            // The mean of 21 columns keeps 1/21 of the speckle, the source fit as much; counts are whole.
+            assert!(error.abs() < 5.0, "{i}: {error}");
         }
     }
 }

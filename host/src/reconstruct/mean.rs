@@ -44,16 +44,9 @@ impl MeanVolume {
     pub fn add(&mut self, amplitude: &[f32], motion: &Motion) {
         let [depth, height, width] = self.size;
         let pixels = height * width;
-        let sources: Vec<Option<usize>> = (0..pixels)
-            .map(|i| {
-                let pixel = [(i / width) as f64, (i % width) as f64];
-                let [y, x] = place(motion, [height, width], pixel).map(f64::round);
-                let inside = y >= 0.0 && x >= 0.0 && y < height as f64 && x < width as f64;
-                inside.then(|| y as usize * width + x as usize)
-            })
-            .collect();
-        for (seen, source) in self.seen.iter_mut().zip(&sources) {
-            *seen += u16::from(source.is_some());
+        let runs = runs(motion, [height, width]);
+        for run in &runs {
+            self.seen[run.to..run.to + run.length].iter_mut().for_each(|seen| *seen += 1);
         }
         let down = motion.shift[0].round();
         self.sum.par_chunks_exact_mut(pixels).enumerate().for_each(|(z, plane)| {
@@ -62,10 +55,9 @@ impl MeanVolume {
                 return;
             };
             let amplitude = &amplitude[from * pixels..][..pixels];
-            for (sum, source) in plane.iter_mut().zip(&sources) {
-                if let Some(source) = source {
-                    *sum += amplitude[*source].powi(2);
-                }
+            for &Run { to, from, length } in &runs {
+                let sums = plane[to..to + length].iter_mut();
+                sums.zip(&amplitude[from..from + length]).for_each(|(sum, u)| *sum += u * u);
             }
         });
         self.sweeps += 1;
@@ -96,6 +88,34 @@ impl MeanVolume {
     pub fn depth_bias(&self) -> f64 {
         self.rest / self.sweeps.max(1) as f64
     }
+}
+
+/// Neighbouring pixels of a row whose sources are neighbours, too.
+struct Run {
+    to: usize,
+    from: usize,
+    length: usize,
+}
+
+/// Where the pixels that a moved sweep shows lie in it, to the nearest pixel.
+fn runs(motion: &Motion, [height, width]: [usize; 2]) -> Vec<Run> {
+    let mut runs: Vec<Run> = Vec::new();
+    for to in 0..height * width {
+        let pixel = [(to / width) as f64, (to % width) as f64];
+        let [y, x] = place(motion, [height, width], pixel).map(f64::round);
+        let inside = y >= 0.0 && x >= 0.0 && y < height as f64 && x < width as f64;
+        if !inside {
+            continue;
+        }
+        let from = y as usize * width + x as usize;
+        match runs.last_mut() {
+            Some(run) if (run.to + run.length, run.from + run.length) == (to, from) => {
+                run.length += 1;
+            }
+            _ => runs.push(Run { to, from, length: 1 }),
+        }
+    }
+    runs
 }
 
 #[cfg(test)]

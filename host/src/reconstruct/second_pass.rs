@@ -5,7 +5,7 @@ use super::analysis::Analysis;
 use super::background::Grid;
 use super::counts::SweepCounts;
 use super::preparation::Preparation;
-use super::resample::{origin, undo_lateral};
+use super::resample::{place, undo_lateral};
 use super::spectrum::{Direction, Input, Transform};
 use super::window::Window;
 use crate::allocate::zeros;
@@ -115,12 +115,16 @@ impl<'a> SecondPass<'a> {
         let Grid { height, width, .. } = self.grid;
         let flat = self.analysis.flat;
         let down = motion.shift[0];
-        let surface = &self.analysis.isos;
-        self.shifts.par_iter_mut().enumerate().for_each(|(i, shift)| {
-            let pixel = [(i / width) as f64, (i % width) as f64];
-            let depth =
-                interpolate(surface, [height, width], origin(&motion, [height, width], pixel));
-            *shift = (depth + down - flat as f64) as f32;
+        let (surface, back) = (&self.analysis.isos, motion.inverse());
+        self.shifts.par_chunks_exact_mut(width).enumerate().for_each(|(y, row)| {
+            // Along a row the place in the first sweep moves on by the same step.
+            let at = |x: f64| place(&back, [height, width], [y as f64, x]);
+            let (start, next) = (at(0.0), at(1.0));
+            for (x, shift) in row.iter_mut().enumerate() {
+                let pixel = [0, 1].map(|i| start[i] + x as f64 * (next[i] - start[i]));
+                let depth = interpolate(surface, [height, width], pixel);
+                *shift = (depth + down - flat as f64) as f32;
+            }
         });
     }
 

@@ -34,10 +34,12 @@ pub enum Direction {
     Down,
 }
 
-/// Columns of a strip: its K x 64 background-free samples fit the second-level cache.
+/// Columns of a strip, whose K x 4 x 64 background-free samples fit the second-level cache.
 const STRIP: usize = 64;
-/// Pixels that are turned and transformed together.
+/// Pixels that are turned together.
 const GROUP: usize = 16;
+/// Between the spectra of two pixels: at a distance of 4 KB they would share a set of the cache.
+const PADDING: usize = 8;
 
 /// Counts of a sweep and its background.
 #[derive(Clone, Copy)]
@@ -154,55 +156,67 @@ impl Transform {
                 row.push(line);
             }
         }
-        rows.par_iter_mut().enumerate().try_for_each_init(
+        let mut rest = rows.as_mut_slice();
+        let mut bands = Vec::new();
+        for band in self.grid.bands() {
+            let (own, others) = rest.split_at_mut(band.len());
+            bands.push((band, own));
+            rest = others;
+        }
+        bands.par_iter_mut().try_for_each_init(
             || Workspace::new(self),
-            |workspace, (y, lines)| {
-                let shifts = shifts.map(|shifts| &shifts[y * width..][..width]);
+            |workspace, (band, lines)| {
                 for from in (0..width).step_by(STRIP) {
-                    let columns = from..(from + STRIP).min(width);
-                    self.strip(input, shifts, y, columns, workspace, lines, &take)?;
+                    let strip =
+                        Strip { band: band.clone(), columns: from..(from + STRIP).min(width) };
+                    self.path.run(RemoveTask {
+                        grid: &self.grid,
+                        input,
+                        strip: &strip,
+                        workspace,
+                    })?;
+                    self.transform(shifts, &strip, workspace, lines, &take)?;
                 }
                 Ok(())
             },
         )
     }
 
-    /// One strip of one row.
-    #[expect(clippy::too_many_arguments, reason = "one strip of one row, from input to output")]
-    fn strip<T>(
+    /// All pixels of a strip, whose samples are free of background.
+    fn transform<T>(
         &self,
-        input: Input<'_>,
         shifts: Option<&[f32]>,
-        y: usize,
-        columns: Range<usize>,
+        strip: &Strip,
         workspace: &mut Workspace,
-        lines: &mut [&mut [T]],
+        lines: &mut [Vec<&mut [T]>],
         take: &impl for<'o> Fn(&[Complex32], PixelMut<'o, '_, T>),
     ) -> Result<()> {
-        let Workspace { samples, between, row, spectra, scratch } = workspace;
-        let remove = Remove { grid: self.grid, input, y, columns: columns.clone() };
-        self.path.run(RemoveTask { remove, samples, between, row })?;
-        for from in (0..columns.len()).step_by(GROUP) {
-            let pixels = GROUP.min(columns.len() - from);
-            let mut turns = [0.0; GROUP];
-            if let Some(shifts) = shifts {
-                let own = &shifts[columns.start + from..][..pixels];
-                turns.iter_mut().zip(own).for_each(|(turn, &shift)| *turn = shift);
-            }
-            self.path.run(TurnTask {
-                table: &self.table,
-                samples: &samples[from..],
-                turns: shifts.is_some().then_some(turns),
-                spectra,
-            })?;
-            let used = &mut spectra[..pixels * self.images];
-            self.fft.process_with_scratch(used, scratch);
-            for (p, spectrum) in used.chunks_exact(self.images).enumerate() {
-                take(spectrum, PixelMut { lines: lines.iter_mut(), x: columns.start + from + p });
+        let Workspace { samples, spectra, scratch, .. } = workspace;
+        let (columns, width) = (&strip.columns, self.grid.width);
+        for ((row, y), lines) in strip.band.clone().enumerate().zip(lines) {
+            for from in (0..columns.len()).step_by(GROUP) {
+                let pixels = GROUP.min(columns.len() - from);
+                let first = columns.start + from;
+                let own = shifts.map(|shifts| &shifts[y * width + first..][..pixels]);
+                let samples = &samples[row * STRIP + from..];
+                self.path.run(TurnTask { table: &self.table, samples, shifts: own, spectra })?;
+                let spectra = spectra.chunks_exact_mut(self.images + PADDING);
+                for (p, spectrum) in spectra.take(pixels).enumerate() {
+                    let spectrum = &mut spectrum[..self.images];
+                    self.fft.process_with_scratch(spectrum, scratch);
+                    take(spectrum, PixelMut { lines: lines.iter_mut(), x: first + p });
+                }
             }
         }
         Ok(())
     }
+}
+
+/// Neighbouring pixels that are worked on together.
+struct Strip {
+    /// Rows, a band of the grid.
+    band: Range<usize>,
+    columns: Range<usize>,
 }
 
 /// One pixel of all planes of the output.
@@ -221,83 +235,83 @@ impl<'o, T> Iterator for PixelMut<'o, '_, T> {
 
 /// Buffers of one thread.
 struct Workspace {
-    /// Background-free samples of a strip, (m, x).
+    /// Background-free samples of a strip, (m, row, x).
     samples: Vec<f32>,
-    between: Vec<f32>,
-    row: Vec<f32>,
-    /// (pixel, m).
+    /// Fixed fringes at the rows of blocks above and below.
+    fixed: [[f32; STRIP]; 2],
+    /// (pixel, m), each with its padding.
     spectra: Vec<Complex32>,
     scratch: Vec<Complex32>,
 }
 
 impl Workspace {
     fn new(transform: &Transform) -> Self {
-        let Transform { grid, images, fft, .. } = transform;
+        let Transform { images, fft, .. } = transform;
         Self {
-            samples: vec![0.0; images * STRIP + GROUP],
-            between: vec![0.0; grid.columns + 2],
-            row: vec![0.0; (grid.columns + 1) * BLOCK],
-            spectra: vec![Complex32::default(); GROUP * images],
+            samples: vec![0.0; images * BLOCK * STRIP + GROUP],
+            fixed: [[0.0; STRIP]; 2],
+            spectra: vec![Complex32::default(); GROUP * (images + PADDING)],
             scratch: vec![Complex32::default(); fft.get_inplace_scratch_len()],
         }
     }
 }
 
 /// Take the background off a strip.
-#[derive(Clone)]
-struct Remove<'a> {
-    grid: Grid,
+struct RemoveTask<'a> {
+    grid: &'a Grid,
     input: Input<'a>,
-    y: usize,
-    columns: Range<usize>,
+    strip: &'a Strip,
+    workspace: &'a mut Workspace,
 }
 
-struct RemoveTask<'a, 'b> {
-    remove: Remove<'a>,
-    samples: &'b mut [f32],
-    between: &'b mut [f32],
-    row: &'b mut [f32],
-}
-
-impl LaneTask for RemoveTask<'_, '_> {
+impl LaneTask for RemoveTask<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<L: Lanes<Element = f32>>(self) {
-        let Self { remove: Remove { grid, input, y, columns }, samples, between, row } = self;
-        let (pixels, from) = (grid.height * grid.width, y * grid.width + columns.start);
-        let light = &input.illumination[from..][..columns.len()];
+        let Self { grid, input, strip: Strip { band, columns }, workspace } = self;
+        let Workspace { samples, fixed: [upper, lower], .. } = workspace;
+        let (pixels, width) = (grid.height * grid.width, grid.width);
         let images = input.counts.chunks_exact(pixels).zip(input.fixed.chunks_exact(grid.blocks()));
-        let lines = samples.chunks_exact_mut(STRIP).zip(input.source);
-        for ((line, &source), (counts, fixed)) in lines.zip(images) {
-            grid.interpolate_row(fixed, y, &columns, between, row);
-            let counts = &counts[from..][..columns.len()];
-            let fixed = &row[grid.offset(&columns)..][..columns.len()];
-            for (((sample, &count), &v), &b) in line.iter_mut().zip(counts).zip(light).zip(fixed) {
-                *sample = f32::from(count) - source * v - b;
+        let lines = samples.chunks_exact_mut(BLOCK * STRIP).zip(input.source);
+        for ((lines, &source), (counts, fixed)) in lines.zip(images) {
+            grid.interpolate(fixed, band, columns, [upper, lower]);
+            for (line, y) in lines.chunks_exact_mut(STRIP).zip(band.clone()) {
+                let (place, share) = (y * width + columns.start, grid.share_below(y));
+                let light = &input.illumination[place..][..columns.len()];
+                let counts = &counts[place..][..columns.len()];
+                let fixed = upper.iter().zip(&*lower);
+                let known = counts.iter().zip(light).zip(fixed);
+                for (sample, ((&count, v), (a, b))) in line.iter_mut().zip(known) {
+                    *sample = f32::from(count) - source * v - (a + share * (b - a));
+                }
             }
         }
     }
 }
 
 /// Window, dispersion and axial shift on a group of pixels, and pixels first.
-struct TurnTask<'a, 'b> {
+struct TurnTask<'a> {
     table: &'a [Complex32],
-    /// From the group's first pixel on, (m, x) with stride [`STRIP`].
+    /// From the group's first pixel on, (m, x) with a stride of one strip.
     samples: &'a [f32],
     /// Axial shift of each pixel, in depth pixels.
-    turns: Option<[f32; GROUP]>,
-    spectra: &'b mut [Complex32],
+    shifts: Option<&'a [f32]>,
+    spectra: &'a mut [Complex32],
 }
 
-impl LaneTask for TurnTask<'_, '_> {
+impl LaneTask for TurnTask<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<L: Lanes<Element = f32>>(self) {
-        let Self { table, samples, turns, spectra } = self;
-        match turns {
-            Some(turns) => turn_with_shifts(table, samples, &turns, spectra),
+        let Self { table, samples, shifts, spectra } = self;
+        match shifts {
+            Some(shifts) => {
+                let mut all = [0.0; GROUP];
+                all.iter_mut().zip(shifts).for_each(|(all, &shift)| *all = shift);
+                turn_with_shifts(table, samples, &all, spectra);
+            }
             None => turn(table, samples, spectra),
         }
     }
@@ -305,11 +319,11 @@ impl LaneTask for TurnTask<'_, '_> {
 
 #[inline(always)]
 fn turn(table: &[Complex32], samples: &[f32], spectra: &mut [Complex32]) {
-    let images = table.len();
+    let stride = table.len() + PADDING;
     for (m, factor) in table.iter().enumerate() {
-        let Some(group) = samples[m * STRIP..].first_chunk::<GROUP>() else { return };
+        let Some(group) = samples[m * BLOCK * STRIP..].first_chunk::<GROUP>() else { return };
         for (p, &sample) in group.iter().enumerate() {
-            spectra[p * images + m] = factor * sample;
+            spectra[p * stride + m] = factor * sample;
         }
     }
 }
@@ -324,6 +338,7 @@ fn turn_with_shifts(
     spectra: &mut [Complex32],
 ) {
     let images = table.len();
+    let stride = images + PADDING;
     let (mut re, mut im) = ([0.0_f32; GROUP], [0.0_f32; GROUP]);
     let (mut step_re, mut step_im) = ([0.0_f32; GROUP], [0.0_f32; GROUP]);
     for (p, &shift) in shifts.iter().enumerate() {
@@ -333,7 +348,7 @@ fn turn_with_shifts(
         (step_re[p], step_im[p]) = (step.cos() as f32, step.sin() as f32);
     }
     for (m, factor) in table.iter().enumerate() {
-        let Some(group) = samples[m * STRIP..].first_chunk::<GROUP>() else { return };
+        let Some(group) = samples[m * BLOCK * STRIP..].first_chunk::<GROUP>() else { return };
         let (mut out_re, mut out_im) = ([0.0_f32; GROUP], [0.0_f32; GROUP]);
         for p in 0..GROUP {
             out_re[p] = (factor.re * re[p] - factor.im * im[p]) * group[p];
@@ -343,7 +358,7 @@ fn turn_with_shifts(
             re[p] = next;
         }
         for p in 0..GROUP {
-            spectra[p * images + m] = Complex32::new(out_re[p], out_im[p]);
+            spectra[p * stride + m] = Complex32::new(out_re[p], out_im[p]);
         }
     }
 }

@@ -147,8 +147,7 @@ fn difference(halves: &[Bins; 2]) -> f64 {
     let [(a, a_known), (b, b_known)] = [halves[0].means(), halves[1].means()];
     let known = a_known.iter().zip(&b_known).map(|(a, b)| a * b > 0.0);
     let relative = a.iter().zip(&b).zip(known).filter(|(_, known)| *known);
-    let relative =
-        relative.map(|((a, b), _)| ((a - b) / (a + b).max(f64::MIN_POSITIVE)).abs());
+    let relative = relative.map(|((a, b), _)| ((a - b) / (a + b).max(f64::MIN_POSITIVE)).abs());
     quantile(relative, 0.5) / 0.6745
 }
 
@@ -160,8 +159,8 @@ impl Profile {
 
     /// Value at a distance from the surface, linear between the bins, constant outside.
     pub fn at(&self, distance_px: f64) -> f64 {
-        let place = ((distance_px - self.first) * FINE as f64)
-            .clamp(0.0, (self.values.len() - 1) as f64);
+        let place =
+            ((distance_px - self.first) * FINE as f64).clamp(0.0, (self.values.len() - 1) as f64);
         let low = (place as usize).min(self.values.len().saturating_sub(2));
         let part = place - low as f64;
         let high = (low + 1).min(self.values.len() - 1);
@@ -189,7 +188,8 @@ impl Profile {
     /// Richardson–Lucy: x ← x · Sᵀ(w d / S x) / Sᵀw, with the point spread S and the known bins w.
     fn layers(&self) -> Vec<f64> {
         let spread = axial_spread();
-        let data: Vec<f64> = self.values.iter().map(|value| (value - self.floor).max(0.0)).collect();
+        let data: Vec<f64> =
+            self.values.iter().map(|value| (value - self.floor).max(0.0)).collect();
         let weighted = data.iter().zip(&self.known).map(|(data, known)| data * known);
         let mean = weighted.sum::<f64>() / self.known.iter().sum::<f64>().max(1.0);
         let norm = convolve(&self.known, &spread);
@@ -197,9 +197,8 @@ impl Profile {
         for _ in 0..SHARPENING {
             let seen = convolve(&layers, &spread);
             let ratio = data.iter().zip(&seen).zip(&self.known);
-            let ratio: Vec<f64> = ratio
-                .map(|((data, seen), known)| known * data / seen.max(1e-6 * mean))
-                .collect();
+            let ratio: Vec<f64> =
+                ratio.map(|((data, seen), known)| known * data / seen.max(1e-6 * mean)).collect();
             for ((value, factor), norm) in
                 layers.iter_mut().zip(convolve(&ratio, &spread)).zip(&norm)
             {
