@@ -2,7 +2,7 @@
 
 use super::analysis::Analysis;
 use super::preparation::Preparation;
-use super::register::{MATCHED, Motion};
+use super::register::Motion;
 use super::segment::Surfaces;
 use super::settings::Settings;
 use crate::io::{Attributes, Companions};
@@ -98,9 +98,7 @@ fn verdicts(plan: &Preparation, analysis: &Analysis) -> Vec<String> {
     sweeps
         .map(|((sweep, motion), quality)| match motion {
             None if sweep.is_ok() => {
-                format!(
-                    "matches no other sweep (saccade or blink): {quality:.1} of {MATCHED} sigma"
-                )
+                format!("matches no other sweep (saccade or blink): {quality:.1} sigma")
             }
             _ => sweep.verdict.to_string(),
         })

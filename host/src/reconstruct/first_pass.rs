@@ -22,6 +22,8 @@ use std::collections::VecDeque;
 
 /// Sweeps that a new one is compared with.
 const NEIGHBOURS: usize = 6;
+/// Share of the usual quality of a match below which a sweep is taken for smeared.
+const LEAST_SHARE: f64 = 0.3;
 /// Parts of the image, along each side, whose mean residual tells the start of the camera.
 const PARTS: usize = 4;
 
@@ -174,38 +176,67 @@ impl<'a> FirstPass<'a> {
         self.transform.amplitudes(input, self.plan.depths.clone(), &mut self.amplitude)
     }
 
-    /// Compare with the members before, and join them if it matches.
+    /// Compare with the members before, and join them if it matches as they do.
     fn place(&mut self, sweep: usize) {
         let feature = self.registration.feature(&self.amplitude);
-        let mut guess = None;
-        let mut matched: Vec<(Motion, f64)> = Vec::new();
-        let mut best = 0.0_f64;
-        for (earlier, other) in self.features.iter().rev() {
-            let Some(known) = self.motion_of(*earlier) else { continue };
-            let near = guess.map(|whole: Motion| known.to(whole));
-            let pair = self.registration.pair(other, &feature, near);
-            best = best.max(pair.quality);
-            if pair.quality >= MATCHED {
-                let whole = known.then(pair.motion);
-                guess.get_or_insert(whole);
-                matched.push((whole, pair.quality));
-                self.state.pairs.push((*earlier, sweep, pair));
-            }
-        }
+        let found = self.compare(&feature);
+        let best = found.iter().map(|(_, pair)| pair.quality).fold(0.0, f64::max);
         self.state.quality.push(best);
-        if self.state.members.len() <= 1 && matched.is_empty() {
+        let matched = best >= self.enough();
+        if !matched && self.state.members.len() > 1 {
+            return;
+        }
+        let mut motions = vec![(Motion::default(), 1.0)];
+        if matched {
+            let pairs = found.into_iter().filter(|(_, pair)| pair.quality >= MATCHED);
+            let pairs: Vec<(usize, PairMotion)> = pairs.collect();
+            let whole = |(earlier, pair): &(usize, PairMotion)| {
+                Some((self.motion_of(*earlier)?.then(pair.motion), pair.quality))
+            };
+            motions = pairs.iter().filter_map(whole).collect();
+            self.state
+                .pairs
+                .extend(pairs.into_iter().map(|(earlier, pair)| (earlier, sweep, pair)));
+        } else {
             // Nothing to compare with, or the first member was no picture of the retina.
             self.state.members.clear();
             self.features.clear();
             self.state.mean.clear();
-            matched.push((Motion::default(), 1.0));
         }
-        if !matched.is_empty() {
-            let motion = average(&matched);
-            self.state.members.push((sweep, motion));
-            self.state.mean.add(&self.amplitude, &motion);
-            self.remember(sweep, feature);
+        let motion = average(&motions);
+        self.state.members.push((sweep, motion));
+        self.state.mean.add(&self.amplitude, &motion);
+        self.remember(sweep, feature);
+    }
+
+    /// Motion against each of the last members, the latest first. Where the motion that is known
+    /// from a later one leads nowhere, all shifts are searched.
+    fn compare(&self, feature: &Feature) -> Vec<(usize, PairMotion)> {
+        let enough = self.enough();
+        let mut guess: Option<Motion> = None;
+        let mut found = Vec::new();
+        for (earlier, other) in self.features.iter().rev() {
+            let Some(known) = self.motion_of(*earlier) else { continue };
+            let near = guess.map(|whole| known.to(whole));
+            let mut pair = self.registration.pair(other, feature, near);
+            if near.is_some() && pair.quality < MATCHED {
+                pair = self.registration.pair(other, feature, None);
+            }
+            if pair.quality >= enough {
+                guess.get_or_insert(known.then(pair.motion));
+            }
+            found.push((*earlier, pair));
         }
+        found
+    }
+
+    /// Quality of a match: above chance, and not far below what is usual here. A sweep that is
+    /// smeared by a saccade matches a little.
+    fn enough(&self) -> f64 {
+        let of = |&(sweep, _): &(usize, Motion)| self.state.quality[sweep];
+        let mut usual: Vec<f64> = self.state.members.iter().skip(1).map(of).collect();
+        usual.sort_by(f64::total_cmp);
+        usual.get(usual.len() / 2).map_or(MATCHED, |usual| MATCHED.max(LEAST_SHARE * usual))
     }
 
     fn motion_of(&self, sweep: usize) -> Option<Motion> {
