@@ -29,7 +29,7 @@ impl PhotronImages {
     pub fn open(path: &Path) -> Result<Self> {
         let files = RecordingFiles::find(path)?;
         let header = files.read_header()?;
-        let file = MappedFile::open(&files.images)?;
+        let file = files.open_images()?;
         files.check_size(&header, file.bytes())?;
         Ok(Self { header, file })
     }
