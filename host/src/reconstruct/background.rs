@@ -7,7 +7,7 @@
 //! the fixed fringes of the optics: they are laterally smooth, speckle is not, so B is kept on a grid
 //! of blocks of 4 x 4 pixels and smoothed with sigma = 5 px. Averaged over the sweeps without that
 //! smoothing, a still sample would be in B and be removed with it. (The paper says "a background
-//! removal", line 693.)
+//! removal", lines 701-702.)
 
 use super::counts::SweepCounts;
 use super::illumination::Illumination;

@@ -1,5 +1,5 @@
 //! The averaged volume: intensities of the matched sweeps in the coordinates of the first, from which
-//! the surfaces are found (paper lines 700-704).
+//! the surfaces are found (paper lines 707-711).
 //!
 //! Sweeps are moved by whole pixels. That blurs by less than the axial resolution; what the rounding
 //! leaves on average in depth is known and taken off the surfaces.

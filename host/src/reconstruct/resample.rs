@@ -1,4 +1,4 @@
-//! Lateral motion undone: each depth plane of a sweep is read at the places where the tissue of sweep 0
+//! Lateral motion undone (paper lines 707-709): each depth plane of a sweep is read at the places where the tissue of sweep 0
 //! lies in it.
 //!
 //! A shift and a rotation are three shears, so that only lines are resampled: along x, along y, along x

@@ -1,5 +1,5 @@
 //! From the counts of a sweep to depth: background off, window and dispersion on, FFT (paper lines
-//! 693-699).
+//! 701-707).
 //!
 //! ```text
 //! U(z) = sum over m of [I(m) - S(m) v - B(m)] w(m) exp(-i(a2 q^2 + a3 q^3)) exp(-i pi s q) exp(-2 pi i z (m-c)/K)
@@ -113,11 +113,7 @@ impl Transform {
         depths: Range<usize>,
         out: &mut [f32],
     ) -> Result<()> {
-        self.rows(input, None, out, |spectrum, line| {
-            for (value, u) in line.zip(&spectrum[depths.clone()]) {
-                *value = u.norm_sqr().sqrt();
-            }
-        })
+        self.rows(input, None, depths, out, |_, u| u.norm_sqr().sqrt())
     }
 
     /// U at `depths`, (z, y, x), every pixel moved up by its entry of `shifts` (y, x), in pixels.
@@ -132,22 +128,20 @@ impl Transform {
         out: &mut [Complex32],
     ) -> Result<()> {
         let conjugate = self.direction == Direction::Down;
-        self.rows(input, Some(shifts), out, |spectrum, line| {
-            let places = spectrum[depths.clone()].iter().zip(&self.centering[depths.clone()]);
-            for (value, (u, centering)) in line.zip(places) {
-                let u = u * centering;
-                *value = if conjugate { u.conj() } else { u };
-            }
+        self.rows(input, Some(shifts), depths, out, |z, u| {
+            let u = u * self.centering[z];
+            if conjugate { u.conj() } else { u }
         })
     }
 
-    /// Transform all pixels; `take` gets the spectrum of one and its places in `out` (z, y, x).
+    /// Transform all pixels; `take` makes of U at depth z what goes into `out` (z, y, x).
     fn rows<T: Send>(
         &self,
         input: Input<'_>,
         shifts: Option<&[f32]>,
+        depths: Range<usize>,
         out: &mut [T],
-        take: impl for<'o> Fn(&[Complex32], PixelMut<'o, '_, T>) + Sync,
+        take: impl Fn(usize, Complex32) -> T + Sync,
     ) -> Result<()> {
         let Grid { height, width, .. } = self.grid;
         let mut rows: Vec<Vec<&mut [T]>> = (0..height).map(|_| Vec::new()).collect();
@@ -167,14 +161,10 @@ impl Transform {
             || Workspace::new(self),
             |workspace, (band, lines)| {
                 for from in (0..width).step_by(STRIP) {
-                    let strip =
-                        Strip { band: band.clone(), columns: from..(from + STRIP).min(width) };
-                    self.path.run(RemoveTask {
-                        grid: &self.grid,
-                        input,
-                        strip: &strip,
-                        workspace,
-                    })?;
+                    let columns = from..(from + STRIP).min(width);
+                    let strip = Strip { band: band.clone(), columns, depths: depths.clone() };
+                    let remove = RemoveTask { grid: &self.grid, input, strip: &strip, workspace };
+                    self.path.run(remove)?;
                     self.transform(shifts, &strip, workspace, lines, &take)?;
                 }
                 Ok(())
@@ -189,10 +179,10 @@ impl Transform {
         strip: &Strip,
         workspace: &mut Workspace,
         lines: &mut [Vec<&mut [T]>],
-        take: &impl for<'o> Fn(&[Complex32], PixelMut<'o, '_, T>),
+        take: &impl Fn(usize, Complex32) -> T,
     ) -> Result<()> {
         let Workspace { samples, spectra, scratch, .. } = workspace;
-        let (columns, width) = (&strip.columns, self.grid.width);
+        let (columns, width, stride) = (&strip.columns, self.grid.width, self.images + PADDING);
         for ((row, y), lines) in strip.band.clone().enumerate().zip(lines) {
             for from in (0..columns.len()).step_by(GROUP) {
                 let pixels = GROUP.min(columns.len() - from);
@@ -200,11 +190,12 @@ impl Transform {
                 let own = shifts.map(|shifts| &shifts[y * width + first..][..pixels]);
                 let samples = &samples[row * STRIP + from..];
                 self.path.run(TurnTask { table: &self.table, samples, shifts: own, spectra })?;
-                let spectra = spectra.chunks_exact_mut(self.images + PADDING);
-                for (p, spectrum) in spectra.take(pixels).enumerate() {
-                    let spectrum = &mut spectrum[..self.images];
-                    self.fft.process_with_scratch(spectrum, scratch);
-                    take(spectrum, PixelMut { lines: lines.iter_mut(), x: first + p });
+                for spectrum in spectra.chunks_exact_mut(stride).take(pixels) {
+                    self.fft.process_with_scratch(&mut spectrum[..self.images], scratch);
+                }
+                for (line, z) in lines.iter_mut().zip(strip.depths.clone()) {
+                    let group = line[first..first + pixels].iter_mut().enumerate();
+                    group.for_each(|(p, value)| *value = take(z, spectra[p * stride + z]));
                 }
             }
         }
@@ -217,20 +208,8 @@ struct Strip {
     /// Rows, a band of the grid.
     band: Range<usize>,
     columns: Range<usize>,
-}
-
-/// One pixel of all planes of the output.
-struct PixelMut<'o, 'l, T> {
-    lines: std::slice::IterMut<'o, &'l mut [T]>,
-    x: usize,
-}
-
-impl<'o, T> Iterator for PixelMut<'o, '_, T> {
-    type Item = &'o mut T;
-
-    fn next(&mut self) -> Option<&'o mut T> {
-        self.lines.next()?.get_mut(self.x)
-    }
+    /// Depths that are wanted of them.
+    depths: Range<usize>,
 }
 
 /// Buffers of one thread.
@@ -269,7 +248,7 @@ impl LaneTask for RemoveTask<'_> {
 
     #[inline(always)]
     fn run<L: Lanes<Element = f32>>(self) {
-        let Self { grid, input, strip: Strip { band, columns }, workspace } = self;
+        let Self { grid, input, strip: Strip { band, columns, .. }, workspace } = self;
         let Workspace { samples, fixed: [upper, lower], .. } = workspace;
         let (pixels, width) = (grid.height * grid.width, grid.width);
         let images = input.counts.chunks_exact(pixels).zip(input.fixed.chunks_exact(grid.blocks()));
@@ -319,12 +298,15 @@ impl LaneTask for TurnTask<'_> {
 
 #[inline(always)]
 fn turn(table: &[Complex32], samples: &[f32], spectra: &mut [Complex32]) {
-    let stride = table.len() + PADDING;
+    let mut tile = Tile::new(table.len());
     for (m, factor) in table.iter().enumerate() {
         let Some(group) = samples[m * BLOCK * STRIP..].first_chunk::<GROUP>() else { return };
-        for (p, &sample) in group.iter().enumerate() {
-            spectra[p * stride + m] = factor * sample;
+        let (re, im) = tile.next();
+        for p in 0..GROUP {
+            re[p] = factor.re * group[p];
+            im[p] = factor.im * group[p];
         }
+        tile.store(m, spectra);
     }
 }
 
@@ -338,7 +320,6 @@ fn turn_with_shifts(
     spectra: &mut [Complex32],
 ) {
     let images = table.len();
-    let stride = images + PADDING;
     let (mut re, mut im) = ([0.0_f32; GROUP], [0.0_f32; GROUP]);
     let (mut step_re, mut step_im) = ([0.0_f32; GROUP], [0.0_f32; GROUP]);
     for (p, &shift) in shifts.iter().enumerate() {
@@ -347,9 +328,10 @@ fn turn_with_shifts(
         (re[p], im[p]) = (start.cos() as f32, start.sin() as f32);
         (step_re[p], step_im[p]) = (step.cos() as f32, step.sin() as f32);
     }
+    let mut tile = Tile::new(images);
     for (m, factor) in table.iter().enumerate() {
         let Some(group) = samples[m * BLOCK * STRIP..].first_chunk::<GROUP>() else { return };
-        let (mut out_re, mut out_im) = ([0.0_f32; GROUP], [0.0_f32; GROUP]);
+        let (out_re, out_im) = tile.next();
         for p in 0..GROUP {
             out_re[p] = (factor.re * re[p] - factor.im * im[p]) * group[p];
             out_im[p] = (factor.re * im[p] + factor.im * re[p]) * group[p];
@@ -357,9 +339,50 @@ fn turn_with_shifts(
             im[p] = re[p] * step_im[p] + im[p] * step_re[p];
             re[p] = next;
         }
-        for p in 0..GROUP {
-            spectra[p * stride + m] = Complex32::new(out_re[p], out_im[p]);
+        tile.store(m, spectra);
+    }
+}
+
+/// Images that are collected before they are stored pixel by pixel: whole lines of the cache.
+const TILE: usize = 8;
+
+/// Some images of a group of pixels on their way from (m, pixel) to (pixel, m).
+struct Tile {
+    re: [[f32; GROUP]; TILE],
+    im: [[f32; GROUP]; TILE],
+    filled: usize,
+    images: usize,
+}
+
+impl Tile {
+    #[inline(always)]
+    fn new(images: usize) -> Self {
+        Self { re: [[0.0; GROUP]; TILE], im: [[0.0; GROUP]; TILE], filled: 0, images }
+    }
+
+    /// Real and imaginary parts of the next image.
+    #[inline(always)]
+    fn next(&mut self) -> (&mut [f32; GROUP], &mut [f32; GROUP]) {
+        let at = self.filled % TILE;
+        self.filled = at + 1;
+        (&mut self.re[at], &mut self.im[at])
+    }
+
+    /// After image m: store the tile when it is full, or the last.
+    #[inline(always)]
+    fn store(&mut self, m: usize, spectra: &mut [Complex32]) {
+        if self.filled < TILE && m + 1 < self.images {
+            return;
         }
+        let first = m + 1 - self.filled;
+        let lines = spectra.chunks_exact_mut(self.images + PADDING);
+        for (p, line) in lines.enumerate().take(GROUP) {
+            let line = &mut line[first..first + self.filled];
+            for (i, u) in line.iter_mut().enumerate() {
+                *u = Complex32::new(self.re[i][p], self.im[i][p]);
+            }
+        }
+        self.filled = 0;
     }
 }
 
