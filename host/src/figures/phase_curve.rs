@@ -47,7 +47,8 @@ impl PhaseCurve<'_> {
         let mut canvas = Canvas::new(AREA.right() + RIGHT, AREA.bottom() + 50.0, title);
         let heading = TextStyle::new(style::TEXT, Anchor::Start);
         canvas.text((AREA.x, 24.0), self.label, heading);
-        keys::line_key(&mut canvas, (AREA.x, 46.0), &self.key());
+        let method = format!("{}, \u{b1} one standard deviation", self.method.0);
+        keys::line_key(&mut canvas, (AREA.x, 46.0), &self.key(&method));
         let axes = Axes::new(AREA, Span::of(self.times.iter().copied()), self.span());
         self.draw_curves(&mut canvas, &axes);
         axes.x_axis(&mut canvas, Some(self.time_axis));
@@ -90,8 +91,8 @@ impl PhaseCurve<'_> {
         Stroke::solid(self.method.1, 2.0)
     }
 
-    fn key(&self) -> Vec<(&str, Stroke)> {
-        let mut entries = vec![(self.method.0, self.stroke())];
+    fn key<'b>(&self, method: &'b str) -> Vec<(&'b str, Stroke)> {
+        let mut entries = vec![(method, self.stroke())];
         entries.extend(self.direct.map(|_| (style::DIRECT_NAME, DIRECT)));
         entries
     }

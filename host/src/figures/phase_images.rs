@@ -3,7 +3,7 @@
 
 use ndarray::ArrayView2;
 
-use super::canvas::{Anchor, Canvas, TextStyle};
+use super::canvas::{Anchor, Canvas, TextStyle, font};
 use super::geometry::Rect;
 use super::keys;
 use super::raster::{Indexed, percentiles};
@@ -109,12 +109,10 @@ impl PhaseImages<'_> {
     }
 
     fn draw_keys(&self, canvas: &mut Canvas) {
-        let side = TextStyle::new(style::TEXT, Anchor::Middle).upright();
         let speckle = (!self.speckle.is_empty()).then_some("speckle amplitude");
         let methods = self.methods.iter().copied().take(self.rows());
         for (row, name) in methods.chain(speckle).enumerate() {
-            let (_, middle) = self.panel(row, 0).center();
-            canvas.label((LEFT - 20.0, middle), name, side);
+            row_name(canvas, self.panel(row, 0), name);
         }
         let Some(last) = self.rows().checked_sub(1) else {
             return;
@@ -166,6 +164,20 @@ impl PhaseImages<'_> {
     }
 }
 
+/// A name left of a row, in two lines where the panel is too low for one.
+fn row_name(canvas: &mut Canvas, panel: Rect, name: &str) {
+    let long = font::width(name, style::TEXT, false) > panel.h;
+    let lines = match name.split_once(' ').filter(|_| long) {
+        Some((first, second)) => vec![(30.0, first), (14.0, second)],
+        None => vec![(20.0, name)],
+    };
+    for (left, line) in lines {
+        let fits = panel.h / font::width(line, style::TEXT, false).max(1.0);
+        let text = TextStyle::new(style::TEXT * fits.min(1.0), Anchor::Middle).upright();
+        canvas.label((panel.x - left, panel.center().1), line, text);
+    }
+}
+
 fn heading(canvas: &mut Canvas, panel: Rect, label: &str) {
     let text = TextStyle::new(style::HEADING, Anchor::Middle);
     canvas.text((panel.center().0, panel.y - 9.0), label, text);
@@ -205,6 +217,8 @@ mod tests {
         let figure = PhaseImages { methods, columns, speckle, scale_bar: None };
         let (width, height) = figure.draw().size();
         assert!(width <= LEFT + ROW + RIGHT + 1.0, "{width}");
+        let svg = figure.draw().svg().unwrap();
+        assert!(svg.contains(">direct<") && svg.contains(">difference<"), "low panels: two lines");
         let gap = figure.panel(1, 0).y - figure.panel(0, 0).bottom();
         assert!((gap - GAP).abs() < 1e-9 && height > figure.panel(1, 0).bottom());
     }

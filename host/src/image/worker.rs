@@ -178,9 +178,11 @@ impl<L: Lanes> Worker<L> {
                     Weighting::Paper => L::one(),
                     Weighting::Fisher => weights.fisher(coherence),
                 };
-                let (re, im) = if by_phasor { (CH - 2, CH - 1) } else { (0, 1) };
-                samples[place * count + index] =
-                    Sample { phase: means[im].atan2(means[re]), weight };
+                let (re, im) = match by_phasor {
+                    true => (means[CH - 2], means[CH - 1]),
+                    false => (means[0], means[1]),
+                };
+                samples[place * count + index] = Sample { phase: im.atan2(re), weight };
                 if keeps {
                     coherences[place * count + index] = coherence;
                 }

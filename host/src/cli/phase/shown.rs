@@ -22,6 +22,8 @@ pub(super) struct Shown {
     /// The reference, then the frames shown, as numbers among the good ones.
     frames: Vec<usize>,
     held: HeldImages,
+    /// Scale bar, in pixels and in words.
+    bar: Option<(f64, String)>,
 }
 
 impl Shown {
@@ -41,7 +43,8 @@ impl Shown {
                 frames.push(task.good.position(frame, "--at")?);
             }
         }
-        Ok(Self { held: HeldImages::new(frames.clone(), height, width), frames })
+        let bar = bar(task).map_err(|error| error.about(&task.arguments.series))?;
+        Ok(Self { held: HeldImages::new(frames.clone(), height, width), frames, bar })
     }
 
     /// Take what the figure needs from a strip.
@@ -66,12 +69,11 @@ impl Shown {
         });
         let speckle =
             amplitudes.iter().map(|image| SpeckleImage { label: "", amplitude: image.view() });
-        let bar = bar(task)?;
         let figure = PhaseImages {
             methods: rows.iter().map(|(name, _)| *name).collect(),
             columns: columns.collect(),
             speckle: speckle.collect(),
-            scale_bar: bar.as_ref().map(|(pixels, label)| ScaleBar { pixels: *pixels, label }),
+            scale_bar: self.bar.as_ref().map(|(pixels, label)| ScaleBar { pixels: *pixels, label }),
         };
         Ok(figure.draw())
     }
