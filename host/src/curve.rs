@@ -3,7 +3,7 @@
 use crate::allocate::{reserve, zeros};
 use crate::error::{Error, Result};
 use crate::io::{CurveRow, Series, Shape};
-use crate::method::{Method, Plan};
+use crate::method::{Average, Method, Plan};
 use crate::progress::Progress;
 use crate::series::Survey;
 use num_complex::{Complex, Complex32, Complex64};
@@ -162,6 +162,16 @@ pub fn curve(
         .collect())
 }
 
+/// What the phase of a region does beyond that of another: phases are subtracted, variances add.
+///
+/// `control` has a row for each of `rows`.
+pub fn subtract(rows: &mut [CurveRow], control: &[CurveRow]) {
+    for (row, control) in rows.iter_mut().zip(control) {
+        row.phase_rad -= control.phase_rad;
+        row.sigma_rad = row.sigma_rad.hypot(control.sigma_rad);
+    }
+}
+
 /// What the three methods start from.
 struct Estimate<'a> {
     plan: &'a Plan,
@@ -173,7 +183,8 @@ struct Estimate<'a> {
 
 impl Estimate<'_> {
     fn direct(&self) -> (Vec<f64>, Vec<f64>) {
-        let mut phases: Vec<f64> = self.means.iter().map(|m| direct_difference(m.cross)).collect();
+        let mut phases: Vec<f64> =
+            self.means.iter().map(|mean| direct_difference(self.averaged(mean))).collect();
         unwrap_in_time(&mut phases);
         let mut variances = self.variances();
         variances[self.plan.direct_frame] = 0.0;
@@ -183,7 +194,7 @@ impl Estimate<'_> {
     fn one_step(&self) -> (Vec<f64>, Vec<f64>) {
         let mut phases = vec![0.0];
         for mean in self.means {
-            phases.push(one_step(phases[phases.len() - 1], mean.cross));
+            phases.push(one_step(phases[phases.len() - 1], self.averaged(mean)));
         }
         let variances = self.variances();
         self.finish_baseline(phases, |frame, n0| one_step_variance(&variances, frame, n0))
@@ -213,7 +224,8 @@ impl Estimate<'_> {
         let weight: Vec<f64> = means.iter().map(|mean| weights.weight(mean)).collect();
         let (mut phases, mut measured) = (vec![0.0; frames], vec![0.0; frames]);
         let mut input = means.iter().zip(&weight);
-        let next = |_, _| input.next().map_or((0.0, 0.0), |(mean, &w)| (mean.phase(), w));
+        let phase = |mean: &PairMean<f64>| PairMean { cross: self.averaged(mean), ..*mean }.phase();
+        let next = |_, _| input.next().map_or((0.0, 0.0), |(mean, &w)| (phase(mean), w));
         solve_series(&mut solver, &plan.params, &plan.times_s, next, &mut phases, &mut measured);
 
         let mut noise = vec![0.0; frames * lags];
@@ -228,6 +240,14 @@ impl Estimate<'_> {
             phase_variance(&solver, &noise, &measured, n0, frame, &mut scratch).sqrt()
         };
         (phases, (0..frames).into_par_iter().map(sigma).collect())
+    }
+
+    /// The average whose argument is the pair's phase.
+    fn averaged(&self, mean: &PairMean<f64>) -> Complex64 {
+        match self.plan.average {
+            Average::Field => mean.cross,
+            Average::Phasor => mean.phasor,
+        }
     }
 
     /// Variance of each pair's phase, rad^2.

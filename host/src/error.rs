@@ -14,6 +14,9 @@ pub enum Error {
     /// Ctrl-C or SIGTERM. Exit status 130.
     #[error("interrupted: stopped at your request")]
     Interrupted,
+    /// The same, and what was done is kept: the line says where. Exit status 130.
+    #[error("{0}")]
+    Kept(String),
 }
 
 /// Result of everything in the host that can fail.
@@ -52,7 +55,7 @@ impl Error {
         match self {
             Self::Failed(_) => 1,
             Self::Usage(_) => 2,
-            Self::Interrupted => 130,
+            Self::Interrupted | Self::Kept(_) => 130,
         }
     }
 }

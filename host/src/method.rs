@@ -17,11 +17,25 @@ pub enum Method {
     Paper(Weighting),
 }
 
+/// What the ensemble average that gives a pair's phase is taken over. Weights and coherences are the
+/// same for both.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Average {
+    /// C: bright pixels count more (paper lines 739-757).
+    #[default]
+    Field,
+    /// C/|C|: all pixels count the same, so that single bright speckles do not dominate. Not the
+    /// paper's.
+    Phasor,
+}
+
 /// Method and parameters for a series of known length.
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// The method.
     pub method: Method,
+    /// What the phases are averaged over.
+    pub average: Average,
     /// Parameters of the least squares, `max_lag` included.
     pub params: Params,
     /// t_0 of the direct difference.
@@ -66,7 +80,8 @@ impl Plan {
             )));
         }
         let times_s = (0..frames).map(|frame| frame as f64).collect();
-        Ok(Self { method, params, direct_frame, times_s, depths })
+        let average = Average::default();
+        Ok(Self { method, average, params, direct_frame, times_s, depths })
     }
 
     /// Number of frames.
@@ -161,6 +176,16 @@ impl Depths {
     }
 }
 
+impl std::fmt::Display for Depths {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}..{}", self.first.start(), self.first.end())?;
+        match &self.second {
+            Some(second) => write!(f, ",{}..{}", second.start(), second.end()),
+            None => Ok(()),
+        }
+    }
+}
+
 impl std::str::FromStr for Depths {
     type Err = String;
 
@@ -192,6 +217,7 @@ mod tests {
         let depths: Depths = "3..5,9..10".parse().unwrap();
         assert_eq!(depths, Depths { first: 3..=5, second: Some(9..=10) });
         assert_eq!(depths.all(), [3, 4, 5, 9, 10]);
+        assert_eq!(depths.to_string(), "3..5,9..10");
         assert_eq!("7..7".parse::<Depths>().unwrap(), Depths { first: 7..=7, second: None });
         for wrong in ["", "3", "a..b", "1..2,", "1..2,3..4,5..6", "-1..2", "1..2,1..2"] {
             assert!(wrong.parse::<Depths>().is_err(), "{wrong}");

@@ -7,9 +7,11 @@
 //! | [`tolerance`] | every tolerance of the tests, with its reason |
 //! | [`random`] | seeded random numbers |
 //! | [`recording`] | complex series to be evaluated |
+//! | [`volumes`] | groups of reconstructed volumes |
 //! | [`library`] | the host library's curves and images of a recording |
 //! | [`program`] | the `phasewalk` program, driven as a user does |
 //! | [`rehearsed_board`] | the trigger board's own program behind a pseudo-terminal |
+//! | [`oct`] | a simulated recording from raw images to the curve, against its truth |
 //! | [`npy`] | the NumPy files that go in and come out |
 //! | `board` | an emulated Arduino Uno (feature `emulated-boards`) |
 //! | `avr8js` | the same on a second simulator (feature `emulated-boards`) |
@@ -25,6 +27,7 @@ pub mod board;
 pub mod f405;
 pub mod library;
 pub mod npy;
+pub mod oct;
 pub mod oracle;
 pub mod program;
 #[cfg(feature = "emulated-boards")]
@@ -35,4 +38,5 @@ pub mod rehearsed_board;
 #[cfg(feature = "emulated-boards")]
 pub mod session;
 pub mod tolerance;
+pub mod volumes;
 pub mod wide;

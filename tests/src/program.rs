@@ -115,6 +115,19 @@ impl Bench {
         assert_eq!(ran.stdout.lines().count(), 1, "{ran:?}");
         serde_json::from_str(&ran.stdout).expect("the summary is JSON")
     }
+
+    /// Header and numbers of a table that was written, row by row.
+    ///
+    /// # Panics
+    /// If the file is none.
+    #[must_use]
+    pub fn table(&self, name: &str) -> (String, Vec<Vec<f64>>) {
+        let text = std::fs::read_to_string(self.path(name)).expect("the table can be read");
+        let (header, rows) = text.split_once('\n').expect("the table has a header");
+        let number = |text: &str| text.parse().expect("the table holds numbers");
+        let row = |line: &str| line.split(',').map(number).collect();
+        (header.to_owned(), rows.lines().map(row).collect())
+    }
 }
 
 /// Names of all that is in a folder, in order.

@@ -127,21 +127,13 @@ fn the_librarys_baselines_are_the_oracles() {
 
 /// The rows of a curve's table, after its header has been checked.
 fn read_table(bench: &Bench, name: &str) -> Vec<CurveRow> {
-    let text = std::fs::read_to_string(bench.path(name)).unwrap();
-    let mut lines = text.lines();
-    assert_eq!(lines.next(), Some("frame,time_s,phase_rad,sigma_rad"));
-    let row = |line: &str| {
-        let fields: Vec<&str> = line.split(',').collect();
-        let [frame, time_s, phase_rad, sigma_rad] = fields[..] else { panic!("{line}") };
-        let number = |text: &str| text.parse().unwrap();
-        CurveRow {
-            frame: frame.parse().unwrap(),
-            time_s: number(time_s),
-            phase_rad: number(phase_rad),
-            sigma_rad: number(sigma_rad),
-        }
+    let (header, rows) = bench.table(name);
+    assert_eq!(header, "frame,time_s,phase_rad,sigma_rad");
+    let row = |row: Vec<f64>| {
+        let [frame, time_s, phase_rad, sigma_rad] = row[..] else { panic!("{row:?}") };
+        CurveRow { frame: frame as usize, time_s, phase_rad, sigma_rad }
     };
-    lines.map(row).collect()
+    rows.into_iter().map(row).collect()
 }
 
 fn save(bench: &Bench, recording: &Recording, mask: &[bool]) {

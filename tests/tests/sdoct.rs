@@ -133,7 +133,6 @@ fn what_is_no_recording_is_refused() {
         ("cscan.npy --dispersion 1 -o V.zarr", 2, &["A2,A3"]),
         ("cscan.npy --bscan 2 -o V.zarr", 2, &["--bscan 2", "0..1"]),
         ("cscan.npy -o V.npy", 2, &[".zarr"]),
-        ("cscan.raw -o V.zarr", 2, &["cscan.raw", ".npy"]),
     ] {
         bench.run(&format!("reconstruct {line}")).refused(status, words);
     }

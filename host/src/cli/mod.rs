@@ -51,10 +51,10 @@ enum Command {
     /// Make a series with known truth
     #[command(subcommand)]
     Simulate(simulate::Scenes),
+    /// Camera recording of sweeps, or spectra, to complex volumes
+    Reconstruct(reconstruct::Arguments),
     /// Phase of a series: a curve over a mask, or images by a Gaussian average
     Phase(phase::Arguments),
-    /// Recorded spectra to complex volumes
-    Reconstruct(reconstruct::Arguments),
     /// What a file holds
     Info(info::Arguments),
     /// The trigger board: check, preview, run and record
@@ -106,8 +106,8 @@ fn run(arguments: &Arguments) -> Result<()> {
     pool.install(|| match &arguments.command {
         Command::Demo(arguments) => demo::run(arguments, common),
         Command::Simulate(scene) => simulate::run(scene, common),
-        Command::Phase(arguments) => phase::run(arguments, common),
         Command::Reconstruct(arguments) => reconstruct::run(arguments, common),
+        Command::Phase(arguments) => phase::run(arguments, common),
         Command::Info(arguments) => info::run(arguments, common),
         Command::Trigger(command) => trigger::run(command, common),
     })
@@ -130,13 +130,13 @@ fn fraction(text: &str) -> std::result::Result<f64, String> {
 }
 
 /// Refuse to write over one of the inputs.
-fn check_output(output: &Path, inputs: &[&Path]) -> Result<()> {
+fn check_output(flag: &str, output: &Path, inputs: &[&Path]) -> Result<()> {
     let Ok(target) = output.canonicalize() else { return Ok(()) };
     for input in inputs {
         let Ok(source) = input.canonicalize() else { continue };
         if source == target || source.starts_with(&target) || target.starts_with(&source) {
             return Err(Error::usage(format!(
-                "-o {}: is the input {}; give another name",
+                "{flag} {}: is the input {}; give another name",
                 output.display(),
                 input.display()
             )));

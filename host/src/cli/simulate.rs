@@ -1,4 +1,6 @@
-//! `phasewalk simulate speckle`.
+//! `phasewalk simulate`.
+
+mod oct;
 
 use super::{Common, fraction, list, megabytes, print};
 use crate::error::Result;
@@ -15,6 +17,8 @@ pub(super) enum Scenes {
     /// Complex speckle images of moving point scatterers with an x-shaped area that moves together
     /// (the paper's simulation)
     Speckle(Speckle),
+    /// A raw recording of a full-field swept-source OCT camera, retina in motion, truth beside it
+    Oct(oct::Oct),
 }
 
 /// Options of `simulate speckle`.
@@ -63,7 +67,13 @@ impl Speckle {
 }
 
 pub(super) fn run(scenes: &Scenes, common: &Common) -> Result<()> {
-    let Scenes::Speckle(options) = scenes;
+    match scenes {
+        Scenes::Speckle(options) => speckle(options, common),
+        Scenes::Oct(options) => oct::run(options, common),
+    }
+}
+
+fn speckle(options: &Speckle, common: &Common) -> Result<()> {
     let scene = options.scene();
     scene.validate()?;
     let start = Instant::now();

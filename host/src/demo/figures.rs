@@ -5,6 +5,7 @@ use super::scene::{PhaseCurve, SceneResult, Snapshot};
 use super::setup::Setup;
 use crate::figures::{
     Canvas, Curve, CurveColumn, Curves, Method, PhaseColumn, PhaseImages, ScaleBar, SpeckleImage,
+    style,
 };
 use std::f64::consts::PI;
 
@@ -21,13 +22,13 @@ pub fn phase_images(setup: &Setup, scenes: &[SceneResult]) -> Canvas {
     let length = bar_wavelengths(setup);
     let columns = phases.iter().map(|(label, snapshot)| PhaseColumn {
         label,
-        direct: snapshot.direct.view(),
-        extended: snapshot.extended.view(),
+        phases: vec![snapshot.direct.view(), snapshot.extended.view()],
     });
     let amplitudes = speckle
         .iter()
         .map(|(label, snapshot)| SpeckleImage { label, amplitude: snapshot.amplitude.view() });
     let figure = PhaseImages {
+        methods: vec![style::DIRECT_NAME, style::EXTENDED_NAME],
         columns: columns.collect(),
         speckle: amplitudes.collect(),
         scale_bar: Some(ScaleBar {

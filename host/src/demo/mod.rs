@@ -12,7 +12,6 @@
 
 pub mod errors;
 pub mod figures;
-pub mod images;
 pub mod page;
 pub mod plane;
 pub mod recording;

@@ -9,10 +9,10 @@
 //! nothing more.
 
 use super::errors::{rms, wrapped};
-use super::images::Imaging;
 use super::plane::{Fit, Point};
 use crate::error::{Error, Result};
 use crate::figures::{Canvas, Measured, Profile};
+use crate::image::Imaging;
 use crate::io::{Series, Shape};
 use crate::looks::{Looks, SpatialCoherence};
 use crate::method::{Depths, Method, Plan};

@@ -2,11 +2,11 @@
 //! the frames themselves can be forgotten.
 
 use super::errors::Errors;
-use super::images::Imaging;
 use super::recording::Recording;
 use super::setup::{Setup, sigma_label};
 use crate::curve::{Region, curve};
 use crate::error::Result;
+use crate::image::Imaging;
 use crate::io::CurveRow;
 use crate::looks::SpatialCoherence;
 use crate::method::{Depths, Method, Plan};

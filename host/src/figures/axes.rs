@@ -95,14 +95,33 @@ impl Axes {
 
     /// Round ticks right of the frame, counted downwards.
     pub fn y_down_axis_right(&self, canvas: &mut Canvas, title: &str) {
+        let ticks = self.y.ticks_down((self.area.h / 30.0) as usize);
+        let placed = ticks.iter().map(|tick| (self.place((self.x.high, tick.value)).1, tick));
+        self.right_ticks(canvas, placed, title);
+    }
+
+    /// Round ticks right of the frame, for the values times `factor`, with numbers and a title.
+    pub fn right_axis(&self, canvas: &mut Canvas, factor: f64, title: &str) {
+        let scaled = Span::new(self.y.low * factor, self.y.high * factor);
+        let ticks = scaled.ticks((self.area.h / 28.0) as usize);
+        let height = |value| self.area.bottom() - scaled.position(value) * self.area.h;
+        self.right_ticks(canvas, ticks.iter().map(|tick| (height(tick.value), tick)), title);
+    }
+
+    /// Ticks at given heights right of the frame.
+    fn right_ticks<'t>(
+        &self,
+        canvas: &mut Canvas,
+        ticks: impl Iterator<Item = (f64, &'t Tick)>,
+        title: &str,
+    ) {
         let right = self.area.right();
         let note = TextStyle::new(style::SMALL, Anchor::Start);
-        for tick in self.y.ticks_down((self.area.h / 30.0) as usize) {
-            let (_, y) = self.place((self.x.high, tick.value));
+        for (y, tick) in ticks {
             canvas.line([(right, y), (right + TICK, y)], Stroke::solid(style::INK, 1.0));
             canvas.label((right + 7.0, y), &tick.label, note);
         }
-        let at = (right + 48.0, self.area.center().1);
+        let at = (right + 50.0, self.area.center().1);
         canvas.label(at, title, TextStyle::new(style::TEXT, Anchor::Middle).upright());
     }
 

@@ -47,8 +47,6 @@ pub struct BScans<'a> {
     pub depth_px_um: Option<f64>,
 }
 
-/// Above the images: what is common to them, and the key.
-const HEAD: f64 = 26.0;
 /// Right of the images: depth in µm.
 const MICROMETRES: f64 = 62.0;
 /// Right of that: colour bar and its numbers.
@@ -64,8 +62,9 @@ impl BScans<'_> {
         let amplitudes: Vec<_> = self.scans.iter().map(|scan| scan.amplitude).collect();
         let scale = Decibels::of(&amplitudes);
         let right = grid.right() + self.depth_px_um.map_or(0.0, |_| MICROMETRES);
-        let size = (right + BAR, HEAD + grid.bottom() + FOOT);
+        let head = self.key_start() + keys::line_key_width(&self.key()) + 10.0;
         let title = format!("B-scans: {}", self.label);
+        let size = ((right + BAR).max(head), grid.bottom() + FOOT);
         let mut canvas = Canvas::new(size.0, size.1, &title);
         for n in 0..self.scans.len() {
             self.draw_scan(&mut canvas, &grid, n, &scale);
@@ -76,7 +75,7 @@ impl BScans<'_> {
     }
 
     fn draw_scan(&self, canvas: &mut Canvas, grid: &Grid, n: usize, scale: &Decibels) {
-        let (scan, area) = (&self.scans[n], below_head(grid.panel(n)));
+        let (scan, area) = (&self.scans[n], grid.panel(n));
         let image = scale.convert(scan.amplitude);
         canvas.image(area, Indexed::amplitude(image.view(), (0.0, scale.top)).to_rgb8());
         let axes = self.axes(area, scan.amplitude.dim());
@@ -102,11 +101,15 @@ impl BScans<'_> {
     }
 
     fn draw_head(&self, canvas: &mut Canvas) {
-        let at = (below_head(self.grid().panel(0)).x, 22.0);
+        let at = (self.grid().panel(0).x, 22.0);
         canvas.text(at, self.label, TextStyle::new(style::TEXT, Anchor::Start));
+        keys::line_key(canvas, (self.key_start(), 17.5), &self.key());
+    }
+
+    /// Where the key begins, beside what is common.
+    fn key_start(&self) -> f64 {
         let gap = if self.label.is_empty() { 0.0 } else { 30.0 };
-        let start = at.0 + font::width(self.label, style::TEXT, false) + gap;
-        keys::line_key(canvas, (start, 17.5), &self.key());
+        self.grid().panel(0).x + font::width(self.label, style::TEXT, false) + gap
     }
 
     /// The surfaces that are drawn, each once.
@@ -120,14 +123,8 @@ impl BScans<'_> {
     }
 
     fn grid(&self) -> Grid {
-        let size = self.scans.first().map_or((1, 1), |scan| scan.amplitude.dim());
-        let widths = self.scans.iter().map(|scan| keys::heading_width(scan.label));
-        Grid::new(self.scans.len(), size, widths.fold(180.0, f64::max))
+        Grid::headed(self.scans.iter().map(|scan| (scan.label, scan.amplitude.dim())))
     }
-}
-
-fn below_head(panel: Rect) -> Rect {
-    Rect { y: panel.y + HEAD, ..panel }
 }
 
 fn stroke(layer: Layer) -> Stroke {
@@ -141,13 +138,13 @@ fn micrometres(canvas: &mut Canvas, axes: &Axes, pixel: f64) {
 }
 
 fn draw_bar(canvas: &mut Canvas, left: f64, grid: &Grid, scale: &Decibels) {
-    let first = below_head(grid.panel(0));
-    let area = Rect::new(left + 24.0, first.y + 22.0, 16.0, (first.h - 22.0).min(300.0));
+    let first = grid.panel(0);
+    let area = Rect::new(left + 24.0, first.y + 22.0, 16.0, (first.h - 22.0).clamp(60.0, 300.0));
     let labels = scale.labels();
     let labels: Vec<_> = labels.iter().map(String::as_str).collect();
     keys::color_bar(canvas, area, ColorMap::Grey, &labels, "amplitude / dB");
     let note = format!("0 dB: {:.0} % of all pixels are darker", 100.0 * NOISE);
-    let at = (first.x, HEAD + grid.bottom() + FOOT - 9.0);
+    let at = (first.x, grid.bottom() + FOOT - 9.0);
     canvas.text(at, &note, TextStyle::new(style::SMALL, Anchor::Start).colored(style::FAINT));
 }
 

@@ -149,9 +149,9 @@ impl Curves<'_> {
     fn key(&self) -> Vec<(&'static str, Stroke)> {
         let mut entries = vec![
             ("truth", TRUTH),
-            ("direct difference", Stroke::solid(style::DIRECT, 2.0)),
-            ("one-step Knox\u{2013}Thompson", Stroke::solid(style::ONE_STEP, 2.0)),
-            ("extended Knox\u{2013}Thompson", Stroke::solid(style::EXTENDED, 2.0)),
+            (style::DIRECT_NAME, Stroke::solid(style::DIRECT, 2.0)),
+            (style::ONE_STEP_NAME, Stroke::solid(style::ONE_STEP, 2.0)),
+            (style::EXTENDED_NAME, Stroke::solid(style::EXTENDED, 2.0)),
         ];
         if self.columns.iter().all(|column| column.one_step.is_none()) {
             entries.remove(2);

@@ -3,7 +3,7 @@
 use ndarray::ArrayView2;
 
 use super::axes::Axes;
-use super::canvas::{Anchor, Canvas, Stroke, TextStyle};
+use super::canvas::{Anchor, Canvas, Stroke, TextStyle, font};
 use super::geometry::Rect;
 use super::grid::Grid;
 use super::keys;
@@ -33,9 +33,10 @@ pub struct EnFaces<'a> {
     pub pitch_um: Option<f64>,
 }
 
-const HEAD: f64 = 26.0;
 const FOOT: f64 = 62.0;
 const RIGHT: f64 = 18.0;
+/// Narrowest figure: the note below has room.
+const LEAST: f64 = 460.0;
 /// Share of an image's pixels that are not yet white.
 const WHITE: f32 = 0.995;
 /// Pixels of less than so many points are ringed when dead.
@@ -52,7 +53,8 @@ impl EnFaces<'_> {
     #[must_use]
     pub fn draw(&self) -> Canvas {
         let grid = self.grid();
-        let size = (grid.right() + RIGHT, HEAD + grid.bottom() + FOOT);
+        let words = grid.panel(0).x + font::width(self.label, style::TEXT, false) + RIGHT;
+        let size = ((grid.right() + RIGHT).max(words).max(LEAST), grid.bottom() + FOOT);
         let title = format!("En-face images: {}", self.label);
         let mut canvas = Canvas::new(size.0, size.1, &title);
         for n in 0..self.layers.len() {
@@ -64,7 +66,7 @@ impl EnFaces<'_> {
 
     fn draw_layer(&self, canvas: &mut Canvas, grid: &Grid, n: usize) {
         let layer = &self.layers[n];
-        let (area, (rows, columns)) = (below_head(grid.panel(n)), layer.amplitude.dim());
+        let (area, (rows, columns)) = (grid.panel(n), layer.amplitude.dim());
         canvas.image(area, self.image(layer.amplitude));
         let span = |count: usize| Span::new(-0.5, count.max(1) as f64 - 0.5);
         let axes = Axes::new(area, span(columns), span(rows));
@@ -99,7 +101,7 @@ impl EnFaces<'_> {
         let left = grid.panel(0).x;
         canvas.text((left, 22.0), self.label, TextStyle::new(style::TEXT, Anchor::Start));
         let faint = TextStyle::new(style::SMALL, Anchor::Start).colored(style::FAINT);
-        let bottom = HEAD + grid.bottom() + FOOT - 9.0;
+        let bottom = grid.bottom() + FOOT - 9.0;
         let scale = "each image on a scale of its own";
         let Some(dead) = self.dead else {
             canvas.text((left, bottom), scale, faint);
@@ -131,14 +133,8 @@ impl EnFaces<'_> {
     }
 
     fn grid(&self) -> Grid {
-        let size = self.layers.first().map_or((1, 1), |layer| layer.amplitude.dim());
-        let widths = self.layers.iter().map(|layer| keys::heading_width(layer.label));
-        Grid::new(self.layers.len(), size, widths.fold(180.0, f64::max))
+        Grid::headed(self.layers.iter().map(|layer| (layer.label, layer.amplitude.dim())))
     }
-}
-
-fn below_head(panel: Rect) -> Rect {
-    Rect { y: panel.y + HEAD, ..panel }
 }
 
 #[cfg(test)]

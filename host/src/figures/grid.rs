@@ -1,6 +1,7 @@
 //! Images of one size in rows and columns, as large as a page allows.
 
 use super::geometry::Rect;
+use super::keys;
 
 /// Where the images of a figure lie.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,8 +20,12 @@ pub struct Grid {
 
 /// Left of the images: numbers and title of their axes.
 const LEFT: f64 = 66.0;
+/// Above the images: what is common to them.
+const HEAD: f64 = 26.0;
 /// Above every image: its heading.
 const TOP: f64 = 34.0;
+/// Narrowest cell: its axis has a title.
+const LEAST: f64 = 180.0;
 /// Between neighbours.
 const GAP: f64 = 18.0;
 /// Most points for the images side by side, and one below the other.
@@ -31,6 +36,14 @@ const LARGEST: f64 = 4.0;
 const STEP: f64 = 1.0 / super::canvas::PNG_SCALE as f64;
 
 impl Grid {
+    /// A grid for images with their headings; all are drawn in the size of the first.
+    #[must_use]
+    pub fn headed<'a>(images: impl Iterator<Item = (&'a str, (usize, usize))> + Clone) -> Self {
+        let size = images.clone().next().map_or((1, 1), |(_, size)| size);
+        let widths = images.clone().map(|(label, _)| keys::heading_width(label));
+        Self::new(images.count(), size, widths.fold(LEAST, f64::max))
+    }
+
     /// As many images side by side as show the pixels largest; no cell narrower than `least`.
     ///
     /// `size` is (rows, columns) of an image. Flat or narrow images are stretched along their
@@ -58,7 +71,7 @@ impl Grid {
     pub fn panel(&self, n: usize) -> Rect {
         let (row, column) = (n / self.across, n % self.across);
         let x = LEFT + column as f64 * self.pitch;
-        let y = TOP + row as f64 * (self.height + TOP);
+        let y = HEAD + TOP + row as f64 * (self.height + TOP);
         Rect::new(x, y, self.width, self.height)
     }
 

@@ -1,5 +1,5 @@
-//! Phase images of several conditions side by side, and the speckle they came from (the paper's
-//! Figure 2).
+//! Phase images of several conditions or times side by side, and the speckle they came from (the
+//! paper's Figures 2 and 4).
 
 use ndarray::ArrayView2;
 
@@ -9,21 +9,19 @@ use super::keys;
 use super::raster::{Indexed, percentiles};
 use super::style;
 
-/// One condition: the same frame evaluated both ways, phases in radians, axes (y, x).
+/// One condition or time, phases in radians, axes (y, x).
 #[derive(Clone, Debug)]
 pub struct PhaseColumn<'a> {
     /// Heading, such as `σ = λ/32, frame 69`.
     pub label: &'a str,
-    /// Phase difference to the first frame.
-    pub direct: ArrayView2<'a, f32>,
-    /// Extended Knox-Thompson.
-    pub extended: ArrayView2<'a, f32>,
+    /// The same frame by each method of the figure.
+    pub phases: Vec<ArrayView2<'a, f32>>,
 }
 
 /// The amplitude of one frame.
 #[derive(Clone, Debug)]
 pub struct SpeckleImage<'a> {
-    /// Heading, such as `σ = λ/32, frame 10`.
+    /// Heading, such as `σ = λ/32, frame 10`; empty where that of the column above says it.
     pub label: &'a str,
     /// Amplitude in any unit, axes (y, x).
     pub amplitude: ArrayView2<'a, f32>,
@@ -41,9 +39,11 @@ pub struct ScaleBar<'a> {
 /// The figure: any number of columns, any number of speckle images.
 #[derive(Clone, Debug)]
 pub struct PhaseImages<'a> {
+    /// Names of the methods, one row of phases each.
+    pub methods: Vec<&'a str>,
     /// Conditions, from left to right.
     pub columns: Vec<PhaseColumn<'a>>,
-    /// Speckle amplitudes for the third row; all share one grey scale.
+    /// Speckle amplitudes for the last row; all share one grey scale.
     pub speckle: Vec<SpeckleImage<'a>>,
     /// Scale bar, drawn into every image.
     pub scale_bar: Option<ScaleBar<'a>>,
@@ -53,7 +53,9 @@ const LEFT: f64 = 44.0;
 const TOP: f64 = 38.0;
 const GAP: f64 = 12.0;
 const RIGHT: f64 = 96.0;
+/// Widest panel, and widest row of panels.
 const WIDTH: f64 = 320.0;
+const ROW: f64 = 1700.0;
 /// Room for the headings of the speckle images.
 const HEADING: f64 = 34.0;
 
@@ -61,21 +63,24 @@ impl PhaseImages<'_> {
     /// Draws the figure.
     #[must_use]
     pub fn draw(&self) -> Canvas {
-        let across = self.columns.len().max(self.speckle.len()).max(1);
-        let width = LEFT + across as f64 * (WIDTH + GAP) - GAP + RIGHT;
+        let across = self.across() as f64;
+        let width = LEFT + across * (self.panel_width() + GAP) - GAP + RIGHT;
         let height = self.below() + 12.0;
-        let title = "Phase images by direct phase difference and by extended Knox-Thompson";
-        let mut canvas = Canvas::new(width, height, title);
+        let mut canvas = Canvas::new(width, height, &self.title());
         self.draw_phases(&mut canvas);
         self.draw_speckle(&mut canvas);
-        self.draw_keys(&mut canvas, across);
+        self.draw_keys(&mut canvas);
         canvas
+    }
+
+    fn title(&self) -> String {
+        format!("Phase images by {}", self.methods.join(" and by "))
     }
 
     fn draw_phases(&self, canvas: &mut Canvas) {
         for (n, column) in self.columns.iter().enumerate() {
             heading(canvas, self.panel(0, n), column.label);
-            for (row, field) in [column.direct, column.extended].into_iter().enumerate() {
+            for (row, &field) in column.phases.iter().take(self.rows()).enumerate() {
                 let letter = row * self.columns.len() + n;
                 self.draw_panel(canvas, self.panel(row, n), &Indexed::phase(field), letter);
             }
@@ -87,9 +92,9 @@ impl PhaseImages<'_> {
         let range = percentiles(&fields, 0.0, 0.995);
         for (n, speckle) in self.speckle.iter().enumerate() {
             let image = Indexed::amplitude(speckle.amplitude, (0.0_f32.min(range.0), range.1));
-            let panel = self.panel(2, n);
+            let panel = self.panel(self.rows(), n);
             heading(canvas, panel, speckle.label);
-            self.draw_panel(canvas, panel, &image, 2 * self.columns.len() + n);
+            self.draw_panel(canvas, panel, &image, self.rows() * self.columns.len() + n);
         }
     }
 
@@ -98,57 +103,66 @@ impl PhaseImages<'_> {
         keys::panel_letter(canvas, panel, letter);
         let (across, _) = image.size();
         if let Some(bar) = self.scale_bar.as_ref().filter(|bar| bar.pixels > 0.0) {
-            let length = bar.pixels * WIDTH / across.max(1) as f64;
-            keys::scale_bar(canvas, panel, length.min(WIDTH - 30.0), bar.label);
+            let length = bar.pixels * panel.w / across.max(1) as f64;
+            keys::scale_bar(canvas, panel, length.min(panel.w - 30.0), bar.label);
         }
     }
 
-    fn draw_keys(&self, canvas: &mut Canvas, across: usize) {
+    fn draw_keys(&self, canvas: &mut Canvas) {
         let side = TextStyle::new(style::TEXT, Anchor::Middle).upright();
-        let mut row_name = |row: usize, name: &str| {
+        let speckle = (!self.speckle.is_empty()).then_some("speckle amplitude");
+        let methods = self.methods.iter().copied().take(self.rows());
+        for (row, name) in methods.chain(speckle).enumerate() {
             let (_, middle) = self.panel(row, 0).center();
             canvas.label((LEFT - 20.0, middle), name, side);
-        };
-        if !self.columns.is_empty() {
-            row_name(0, "direct difference");
-            row_name(1, "extended Knox\u{2013}Thompson");
         }
-        if !self.speckle.is_empty() {
-            row_name(2, "speckle amplitude");
-        }
-        if self.columns.is_empty() {
+        let Some(last) = self.rows().checked_sub(1) else {
             return;
-        }
-        let (first, second) = (self.panel(0, across - 1), self.panel(1, across - 1));
-        let (top, bottom) = (first.y + 24.0, second.bottom());
+        };
+        let right = self.across() - 1;
+        let (first, last) = (self.panel(0, right), self.panel(last, right));
+        let (top, bottom) = (first.y + 24.0, last.bottom());
         keys::phase_bar(canvas, Rect::new(first.right() + 20.0, top, 18.0, bottom - top));
+    }
+
+    /// Rows of phases.
+    fn rows(&self) -> usize {
+        if self.columns.is_empty() { 0 } else { self.methods.len() }
+    }
+
+    /// Panels beside each other.
+    fn across(&self) -> usize {
+        self.columns.len().max(self.speckle.len()).max(1)
     }
 
     /// Where a panel lies.
     fn panel(&self, row: usize, column: usize) -> Rect {
-        let height = self.panel_height();
-        let phases = if self.columns.is_empty() { 0 } else { row.min(2) };
-        let extra = if row == 2 && phases > 0 { HEADING - GAP } else { 0.0 };
-        let x = LEFT + column as f64 * (WIDTH + GAP);
-        let y = TOP + phases as f64 * (height + GAP) + extra;
-        Rect::new(x, y, WIDTH, height)
+        let (width, height) = (self.panel_width(), self.panel_height());
+        let named = self.speckle.iter().any(|speckle| !speckle.label.is_empty());
+        let below = row > 0 && row == self.rows() && named;
+        let extra = if below { HEADING - GAP } else { 0.0 };
+        let x = LEFT + column as f64 * (width + GAP);
+        let y = TOP + row as f64 * (height + GAP) + extra;
+        Rect::new(x, y, width, height)
     }
 
     fn below(&self) -> f64 {
-        match (self.columns.is_empty(), self.speckle.is_empty()) {
-            (_, false) => self.panel(2, 0).bottom(),
-            (false, true) => self.panel(1, 0).bottom(),
-            (true, true) => TOP,
-        }
+        let rows = self.rows() + usize::from(!self.speckle.is_empty());
+        rows.checked_sub(1).map_or(TOP, |last| self.panel(last, 0).bottom())
+    }
+
+    /// Width of every panel: many share the row.
+    fn panel_width(&self) -> f64 {
+        ((ROW + GAP) / self.across() as f64 - GAP).clamp(120.0, WIDTH)
     }
 
     /// Height of every panel: as the first image wants it.
     fn panel_height(&self) -> f64 {
-        let phases = self.columns.first().map(|column| column.extended.dim());
-        let size = phases.or(self.speckle.first().map(|speckle| speckle.amplitude.dim()));
-        let (rows, across) = size.unwrap_or((1, 1));
+        let phases = self.columns.first().and_then(|column| column.phases.first());
+        let size = phases.or(self.speckle.first().map(|speckle| &speckle.amplitude));
+        let (rows, across) = size.map_or((1, 1), |field| field.dim());
         let ratio = rows.max(1) as f64 / across.max(1) as f64;
-        (WIDTH * ratio).clamp(0.2 * WIDTH, 2.0 * WIDTH)
+        self.panel_width() * ratio.clamp(0.2, 2.0)
     }
 }
 
@@ -166,8 +180,9 @@ mod tests {
     fn every_panel_has_its_letter_and_label() {
         let field = Array2::from_elem((8, 16), 0.5_f32);
         let missing = Array2::from_elem((8, 16), f32::NAN);
-        let column = |label| PhaseColumn { label, direct: field.view(), extended: missing.view() };
+        let column = |label| PhaseColumn { label, phases: vec![field.view(), missing.view()] };
         let figure = PhaseImages {
+            methods: vec!["direct difference", "extended"],
             columns: vec![column("σ = 0"), column("σ < λ/16")],
             speckle: vec![SpeckleImage { label: "frame 10", amplitude: field.view() }],
             scale_bar: Some(ScaleBar { pixels: 4.0, label: "500 λ" }),
@@ -182,9 +197,23 @@ mod tests {
     }
 
     #[test]
+    fn many_columns_share_the_row() {
+        let field = Array2::from_elem((8, 16), 0.5_f32);
+        let columns = vec![PhaseColumn { label: "5 s", phases: vec![field.view()] }; 9];
+        let speckle = vec![SpeckleImage { label: "", amplitude: field.view() }; 9];
+        let methods = vec!["direct difference"];
+        let figure = PhaseImages { methods, columns, speckle, scale_bar: None };
+        let (width, height) = figure.draw().size();
+        assert!(width <= LEFT + ROW + RIGHT + 1.0, "{width}");
+        let gap = figure.panel(1, 0).y - figure.panel(0, 0).bottom();
+        assert!((gap - GAP).abs() < 1e-9 && height > figure.panel(1, 0).bottom());
+    }
+
+    #[test]
     fn empty_figures_are_drawn() {
         let nothing = Array2::<f32>::zeros((0, 0));
-        let mut figure = PhaseImages { columns: vec![], speckle: vec![], scale_bar: None };
+        let (columns, speckle, methods) = (vec![], vec![], vec!["direct difference"]);
+        let mut figure = PhaseImages { methods, columns, speckle, scale_bar: None };
         assert!(figure.draw().png().is_ok());
         figure.speckle.push(SpeckleImage { label: "", amplitude: nothing.view() });
         assert!(figure.draw().png().is_ok());

@@ -112,7 +112,9 @@ pub fn round_below(limit: f64) -> f64 {
     steps.into_iter().find(|step| *step <= limit).unwrap_or(power)
 }
 
-fn round_step(least: f64) -> f64 {
+/// The smallest of 1, 2 and 5 times a power of ten that is not below `least`.
+#[must_use]
+pub fn round_step(least: f64) -> f64 {
     let power = 10_f64.powf(least.log10().floor());
     let steps = [1.0, 2.0, 5.0, 10.0].map(|factor| factor * power);
     let fits = steps.into_iter().find(|step| *step >= least * 0.999);

@@ -28,6 +28,13 @@ pub const EXTENDED: Rgb = [0, 114, 178];
 /// Depth, rows, columns (z, y, x), where their curves stand together.
 pub const AXES: [Rgb; 3] = [EXTENDED, DIRECT, ONE_STEP];
 
+/// What [`DIRECT`] is called.
+pub const DIRECT_NAME: &str = "direct difference";
+/// What [`ONE_STEP`] is called.
+pub const ONE_STEP_NAME: &str = "one-step Knox\u{2013}Thompson";
+/// What [`EXTENDED`] is called.
+pub const EXTENDED_NAME: &str = "extended Knox\u{2013}Thompson";
+
 /// A colour mixed with the page: `share` 1 is the colour, 0 the page.
 #[must_use]
 pub fn tint(color: Rgb, share: f64) -> Rgb {

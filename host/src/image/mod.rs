@@ -8,19 +8,21 @@
 
 mod dispatch;
 mod filter;
+mod held;
 mod kernel;
 mod memory;
 mod phase;
 mod strip;
 mod worker;
 
+pub use held::{HeldImages, Imaging};
 pub use kernel::Kernel;
 pub use memory::MemoryPlan;
 
 use crate::error::Result;
 use crate::io::{Series, Shape};
 use crate::lanes::Path;
-use crate::method::{Method, Plan};
+use crate::method::{Average, Method, Plan};
 use crate::progress::Progress;
 use crate::series::Survey;
 use phasewalk_core::weights::Weighting;
@@ -124,9 +126,9 @@ impl ImageJob<'_> {
         Kernel::new(self.sigma_px, height, width, self.double)
     }
 
-    /// ⟨C/|C|⟩ is needed by the paper's weights only.
+    /// ⟨C/|C|⟩ is needed by the paper's weights and by phases averaged over phasors.
     fn needs_phasor(&self) -> bool {
-        self.plan.method == Method::Paper(Weighting::Paper)
+        self.plan.method == Method::Paper(Weighting::Paper) || self.plan.average == Average::Phasor
     }
 
     /// |gamma|^2 is needed by the Fisher weights and for standard deviations.

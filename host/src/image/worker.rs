@@ -8,6 +8,7 @@ use crate::allocate::filled;
 use crate::error::Result;
 use crate::io::Shape;
 use crate::lanes::Lanes;
+use crate::method::Average;
 use crate::series::Survey;
 use num_complex::{Complex, Complex32};
 use phasewalk_core::ensemble::coherence_squared;
@@ -152,6 +153,7 @@ impl<L: Lanes> Worker<L> {
         let frame_size = depths.len() * (rows + 2 * layout.halo) * blocks;
         let in_first = run.job.plan.depths.in_first();
         let (coherent, keeps) = (run.job.needs_coherence(), run.job.keeps_coherence());
+        let by_phasor = CH == 4 && run.job.plan.average == Average::Phasor;
         let mut frames_begun = 0;
         for (index, &(t, s)) in pairs.iter().enumerate() {
             let pair = Pair {
@@ -176,7 +178,9 @@ impl<L: Lanes> Worker<L> {
                     Weighting::Paper => L::one(),
                     Weighting::Fisher => weights.fisher(coherence),
                 };
-                samples[place * count + index] = Sample { phase: cross.im.atan2(cross.re), weight };
+                let (re, im) = if by_phasor { (CH - 2, CH - 1) } else { (0, 1) };
+                samples[place * count + index] =
+                    Sample { phase: means[im].atan2(means[re]), weight };
                 if keeps {
                     coherences[place * count + index] = coherence;
                 }

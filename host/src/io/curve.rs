@@ -21,18 +21,24 @@ pub struct CurveRow {
 
 /// Write a curve: a `.csv` table `frame,time_s,phase_rad,sigma_rad`; float64 `F.npy` with
 /// `F.sigma.npy`; or a `.zarr` group of `phase_rad`, `sigma_rad` and `time_s` with `attributes`.
-/// The paths written are returned.
+/// With `nm_per_rad`, the optical path length of one radian, table and group hold the same as
+/// `opl_nm` and `sigma_nm`, too. The paths written are returned.
 ///
 /// # Errors
 /// When there are no rows, the extension of `path` is unknown, or the file cannot be written.
-pub fn write_curve(path: &Path, rows: &[CurveRow], attributes: Attributes) -> Result<Vec<PathBuf>> {
+pub fn write_curve(
+    path: &Path,
+    rows: &[CurveRow],
+    nm_per_rad: Option<f64>,
+    attributes: Attributes,
+) -> Result<Vec<PathBuf>> {
     if rows.is_empty() {
         return Err(Error::file(path, "no frame to write"));
     }
     match Format::of(path)? {
-        Format::Csv => write_csv(path, rows),
+        Format::Csv => write_csv(path, rows, nm_per_rad),
         Format::Npy => write_npy(path, rows),
-        Format::Zarr => write_zarr(path, rows, attributes),
+        Format::Zarr => write_zarr(path, rows, nm_per_rad, attributes),
     }
 }
 
@@ -40,11 +46,14 @@ fn column(rows: &[CurveRow], value: impl Fn(&CurveRow) -> f64) -> Vec<f64> {
     rows.iter().map(value).collect()
 }
 
-fn write_csv(path: &Path, rows: &[CurveRow]) -> Result<Vec<PathBuf>> {
-    let mut table = String::from("frame,time_s,phase_rad,sigma_rad\n");
-    for CurveRow { frame, time_s, phase_rad, sigma_rad } in rows {
-        let numbers = [time_s, phase_rad, sigma_rad].map(|number| shortest(*number)).join(",");
-        table.push_str(&format!("{frame},{numbers}\n"));
+fn write_csv(path: &Path, rows: &[CurveRow], nm_per_rad: Option<f64>) -> Result<Vec<PathBuf>> {
+    let lengths = if nm_per_rad.is_some() { ",opl_nm,sigma_nm" } else { "" };
+    let mut table = format!("frame,time_s,phase_rad,sigma_rad{lengths}\n");
+    for &CurveRow { frame, time_s, phase_rad, sigma_rad } in rows {
+        let mut numbers = vec![time_s, phase_rad, sigma_rad];
+        numbers.extend(nm_per_rad.iter().flat_map(|nm| [phase_rad * nm, sigma_rad * nm]));
+        let numbers: Vec<String> = numbers.into_iter().map(shortest).collect();
+        table.push_str(&format!("{frame},{}\n", numbers.join(",")));
     }
     write_atomic(path, table.as_bytes())?;
     Ok(vec![path.to_owned()])
@@ -64,12 +73,21 @@ fn write_npy(path: &Path, rows: &[CurveRow]) -> Result<Vec<PathBuf>> {
     Ok(vec![phase.finish()?, sigma])
 }
 
-fn write_zarr(path: &Path, rows: &[CurveRow], attributes: Attributes) -> Result<Vec<PathBuf>> {
+fn write_zarr(
+    path: &Path,
+    rows: &[CurveRow],
+    nm_per_rad: Option<f64>,
+    attributes: Attributes,
+) -> Result<Vec<PathBuf>> {
     let bytes = size_of_val(rows) as u64;
     let group = GroupWriter::create(path, attributes, bytes)?;
     let write = |name, values: Vec<f64>| group.write_whole(name, &["time"], &[rows.len()], &values);
     write("time_s", column(rows, |row| row.time_s))?;
     write("phase_rad", column(rows, |row| row.phase_rad))?;
     write("sigma_rad", column(rows, |row| row.sigma_rad))?;
+    if let Some(nm) = nm_per_rad {
+        write("opl_nm", column(rows, |row| row.phase_rad * nm))?;
+        write("sigma_nm", column(rows, |row| row.sigma_rad * nm))?;
+    }
     Ok(vec![group.finish()?])
 }

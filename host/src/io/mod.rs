@@ -13,6 +13,11 @@
 //! | `image` | phase images, strip by strip |
 //! | `field` | complex frames, one after the other |
 //! | `curve` | one phase per frame |
+//! | `unfinished` | a Zarr folder that outlives an interruption |
+//! | `volumes` | reconstructed volumes, sweep by sweep |
+//! | `raw` | raw camera images, whatever file they lie in |
+//! | `photron` | recordings of Photron cameras |
+//! | `mapped` | windows of large files, mapped into memory |
 //! | `describe` | what `phasewalk info` prints |
 //!
 //! Arrays are stored in C order with axes (time, z, y, x); times are in seconds, phases in radians.
@@ -23,22 +28,33 @@ mod element;
 mod field;
 mod format;
 mod image;
+mod mapped;
 mod mask;
 pub mod npy;
+pub mod photron;
+mod raw;
 mod shape;
 mod staged;
+mod unfinished;
 mod volume;
+mod volumes;
 mod zarr;
 
 pub use curve::{CurveRow, write_curve};
 pub use describe::{ArrayDescription, Description, describe};
+pub(crate) use element::Element;
 pub use field::{FieldLayout, FieldWriter, Truth};
 pub use format::Format;
 pub use image::{ImageLayout, ImageWriter};
 pub use mask::read_mask;
+pub use raw::{RawFormat, RawImages, open_raw};
 pub use shape::Shape;
 pub use staged::write_atomic;
+pub(crate) use staged::{StagedFile, StagedFolder};
+pub use unfinished::Unfinished;
 pub use volume::VolumeWriter;
+pub use volumes::{Companions, VolumesLayout, VolumesWriter};
+pub(crate) use zarr::GroupWriter;
 
 use crate::error::{Error, Result};
 use num_complex::Complex32;
@@ -71,9 +87,19 @@ pub trait Series: Send + Sync {
         None
     }
 
+    /// Which frames can be used, one flag per frame, where the file knows (Zarr array `sweep_ok`).
+    fn sweep_ok(&self) -> Option<&[bool]> {
+        None
+    }
+
+    /// What the file says beside the field (attribute of the Zarr array, else of its group).
+    fn attribute(&self, _name: &str) -> Option<&serde_json::Value> {
+        None
+    }
+
     /// Wavelength, where the file knows it (Zarr attribute `wavelength_nm`).
     fn wavelength_nm(&self) -> Option<f64> {
-        None
+        self.attribute("wavelength_nm").and_then(serde_json::Value::as_f64)
     }
 }
 

@@ -57,25 +57,37 @@ impl StagedFile {
     }
 }
 
-/// A Zarr folder on its way to its final name.
+/// A folder on its way to its final name.
 ///
 /// The temporary folder holds `new`, the result, and while the two change places `old`.
 pub(crate) struct StagedFolder {
     temporary: TempDir,
     target: PathBuf,
     bytes: u64,
+    /// Refuses an existing target that is not ours to replace.
+    refuse_foreign: fn(&Path) -> Result<()>,
 }
 
 impl StagedFolder {
-    /// Begin a folder of at most about `bytes` bytes.
+    /// Begin a Zarr folder of at most about `bytes` bytes.
     pub(crate) fn create(target: &Path, bytes: u64) -> Result<Self> {
+        Self::create_unless(target, bytes, refuse_foreign)
+    }
+
+    /// Begin a folder of at most about `bytes` bytes, unless `refuse_foreign` is against replacing
+    /// what is there.
+    pub(crate) fn create_unless(
+        target: &Path,
+        bytes: u64,
+        refuse_foreign: fn(&Path) -> Result<()>,
+    ) -> Result<Self> {
         let target = behind_links(target);
         refuse_foreign(&target)?;
         let temporary = Builder::new()
             .prefix(&partial_name(&target)?)
             .tempdir_in(folder_of(&target))
             .map_err(|error| cannot_create(&target, &error))?;
-        let staged = Self { temporary, target, bytes };
+        let staged = Self { temporary, target, bytes, refuse_foreign };
         fs::create_dir(staged.path()).map_err(|error| cannot_create(&staged.target, &error))?;
         Ok(staged)
     }
@@ -97,21 +109,26 @@ impl StagedFolder {
 
     /// Give the folder its final name; an earlier result is removed afterwards.
     pub(crate) fn finish(self) -> Result<()> {
-        refuse_foreign(&self.target)?;
+        (self.refuse_foreign)(&self.target)?;
         let old = self.temporary.path().join("old");
-        let report = |error| cannot_write(&self.target, &error, self.bytes);
-        let replaces = self.target.exists();
-        if replaces {
-            fs::rename(&self.target, &old).map_err(report)?;
-        }
-        if let Err(error) = fs::rename(self.path(), &self.target) {
-            if replaces {
-                fs::rename(&old, &self.target).map_err(report)?;
-            }
-            return Err(report(error));
-        }
-        Ok(())
+        replace_folder(&self.path(), &old, &self.target, self.bytes)
     }
+}
+
+/// Give the folder `new` the name `target`; an earlier result there is moved to `old`.
+pub(super) fn replace_folder(new: &Path, old: &Path, target: &Path, bytes: u64) -> Result<()> {
+    let report = |error| cannot_write(target, &error, bytes);
+    let replaces = target.exists();
+    if replaces {
+        fs::rename(target, old).map_err(report)?;
+    }
+    if let Err(error) = fs::rename(new, target) {
+        if replaces {
+            fs::rename(old, target).map_err(report)?;
+        }
+        return Err(report(error));
+    }
+    Ok(())
 }
 
 /// Write a small file, such as a picture or a report, in one step.
@@ -127,7 +144,7 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<()> {
 }
 
 /// Only Zarr groups are replaced: a folder with anything else in it may be somebody's data.
-fn refuse_foreign(target: &Path) -> Result<()> {
+pub(super) fn refuse_foreign(target: &Path) -> Result<()> {
     match fs::metadata(target) {
         Err(_) => Ok(()),
         Ok(found) if !found.is_dir() => Err(Error::file(
@@ -143,7 +160,7 @@ fn refuse_foreign(target: &Path) -> Result<()> {
 }
 
 /// A link keeps its place: the file behind it is replaced.
-fn behind_links(target: &Path) -> PathBuf {
+pub(super) fn behind_links(target: &Path) -> PathBuf {
     if target.is_symlink() {
         fs::canonicalize(target).unwrap_or_else(|_| target.to_owned())
     } else {
@@ -178,7 +195,7 @@ pub(crate) fn cannot_open(path: &Path, error: &io::Error) -> Error {
 }
 
 /// An output whose folder does not take it.
-fn cannot_create(target: &Path, error: &io::Error) -> Error {
+pub(super) fn cannot_create(target: &Path, error: &io::Error) -> Error {
     let folder = folder_of(target).display();
     match error.kind() {
         ErrorKind::NotFound => Error::file(

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use std::ops::Range;
 
 /// Phase a2 q^2 + a3 q^3 of positive depths in the recording, in radians at the band's edge.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Dispersion {
     /// Second order, rad.
     pub a2: f64,

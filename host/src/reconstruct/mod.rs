@@ -1,23 +1,55 @@
-//! From raw spectra to complex depth: one file of this folder per step.
+//! Raw sweeps to complex volumes (paper lines 655-712).
 //!
-//! | file | what it does |
+//! ```text
+//! recording ── scan ── sweeps ──┐
+//!           ── illumination ────┤ preparation ── first_pass ── analysis ── second_pass ── volumes
+//!           ── lines ── dispersion ┘                │              │            │
+//!                            background, spectrum, register, mean  │    background, spectrum, resample
+//!                                                        jitter, segment
+//! ```
+//!
+//! | file | what it holds |
 //! |---|---|
-//! | `dispersion` | the phase of dispersion, estimated from the sharpness of the image |
+//! | `settings` | what the user says |
+//! | `counts`, `illumination`, `background` | the camera's side: counts, dead pixels, source and fixed fringes |
+//! | `scan`, `sweeps` | where each sweep begins, and what is wrong with it |
+//! | `lines`, `dispersion`, `sharpness`, `fringes`, `simplex` | the phase that blurs depth |
+//! | `spectrum` | counts to depth |
+//! | `register`, `resample` | how the eye moved, and the motion undone |
+//! | `mean`, `segment` | averaged volume and its surfaces |
+//! | `jitter` | late starts of the camera |
+//! | `preparation`, `first_pass`, `analysis`, `second_pass`, `recording` | the order of work |
+//! | `findings`, `preview` | what is kept and shown of it |
+//! | `linearise`, `mirror`, `smooth` | spectra at equal steps of the wavenumber |
 //! | `spectra` | a volume of recorded spectra, all steps |
 //! | `window` | windows over the spectrum |
-//! | `linearise` | spectra at equal steps of the wavenumber |
-//! | `mirror` | the wavenumber of every sample, from the fringes of mirrors |
-//! | `sharpness` | the sharpness of A-lines under a trial correction |
-//! | `fringes` | fixed fringes, which would pass for an undispersed sample |
-//! | `simplex` | the minimum of a function of two variables (Nelder-Mead) |
-//! | `smooth` | least-squares polynomials |
 
+pub mod analysis;
+pub mod background;
+pub mod counts;
 pub mod dispersion;
+pub mod findings;
+pub mod first_pass;
 mod fringes;
+pub mod illumination;
+pub mod jitter;
 pub mod linearise;
+pub mod lines;
+pub mod mean;
 pub mod mirror;
+pub mod preparation;
+pub mod preview;
+pub mod recording;
+pub mod register;
+pub mod resample;
+pub mod scan;
+pub mod second_pass;
+pub mod segment;
+pub mod settings;
 mod sharpness;
 mod simplex;
 mod smooth;
 pub mod spectra;
+pub mod spectrum;
+pub mod sweeps;
 pub mod window;

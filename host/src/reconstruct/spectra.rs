@@ -35,7 +35,7 @@ pub enum Background {
 }
 
 /// How dispersion is found.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub enum Compensation {
     /// From the sharpness; nothing is corrected where that does not tell it.
     Estimated,

@@ -8,6 +8,8 @@
 //! philox, vector_math ┴─> scatterers ─(simd)─> speckle ── aperture ─> U(t, y, x) ─> autocorrelation
 //! ```
 //!
+//! `simulate oct` is a whole camera recording of a retina: see [`oct`].
+//!
 //! The bytes depend on the parameters and the seed only: not on the number of threads (every random
 //! number is a function of seed, scatterer and frame, every sum over scatterers is a sum of
 //! integers), nor on the vector instructions (one body of plain IEEE arithmetic, without fused
@@ -15,13 +17,14 @@
 
 mod aperture;
 mod autocorrelation;
+pub mod oct;
 pub(crate) mod philox;
 mod scatterers;
 mod scene;
 mod simd;
 mod speckle;
 mod stimulus;
-mod vector_math;
+pub(crate) mod vector_math;
 
 pub use autocorrelation::coherence_at_lags;
 pub use scene::SpeckleScene;

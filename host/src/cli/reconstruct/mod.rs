@@ -1,41 +1,44 @@
 //! `phasewalk reconstruct`.
 
+mod pictures;
+mod recording;
 mod spectra;
 
 use super::Common;
 use crate::error::{Error, Result};
+use crate::reconstruct::spectra::Compensation;
+use crate::reconstruct::spectrum::Direction;
 use std::path::PathBuf;
 
 /// Options of `reconstruct`.
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
-    /// Recorded spectra: .npy with axes (B-scan, A-line, sample)
+    /// Recording of a camera (run.cih, run.cihx or run.mraw) or spectra (.npy with axes B-scan, A-line,
+    /// sample)
     recording: PathBuf,
     /// Whether the wavenumber rises or falls from sample to sample
-    #[arg(long, value_enum, default_value_t = Sweep::Up)]
-    sweep: Sweep,
-    /// Centre wavelength in nm
-    #[arg(long, value_name = "NM")]
+    #[arg(long, value_enum, default_value_t = Direction::Up)]
+    sweep: Direction,
+    /// Centre wavelength, nm (needed for camera recordings)
+    #[arg(long, value_name = "NM", allow_negative_numbers = true)]
     wavelength_nm: Option<f64>,
-    /// Width of the spectrum in nm, first to last sample
-    #[arg(long, value_name = "NM")]
+    /// Width of the spectrum, first to last sample, nm (needed for camera recordings)
+    #[arg(long, value_name = "NM", allow_negative_numbers = true)]
     bandwidth_nm: Option<f64>,
     /// Refractive index of the sample
-    #[arg(long, value_name = "N", default_value_t = 1.36)]
+    #[arg(long, value_name = "N", default_value_t = 1.36, allow_negative_numbers = true)]
     index: f64,
+    /// Dispersion in rad at the band's edge: A2,A3, none, or auto, by sharpness
+    #[arg(long, value_name = "A2,A3", default_value = "auto", allow_hyphen_values = true,
+          value_parser = spectra::compensation)]
+    dispersion: Compensation,
+    #[command(flatten)]
+    camera: recording::Options,
     #[command(flatten)]
     spectra: spectra::Options,
     /// Result: a .zarr group with `field` (time, z, y, x), pictures beside it
     #[arg(short, long, value_name = "V.zarr")]
     output: PathBuf,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-enum Sweep {
-    /// Rises
-    Up,
-    /// Falls
-    Down,
 }
 
 impl Arguments {
@@ -57,9 +60,6 @@ pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let extension = arguments.recording.extension().map(|e| e.to_string_lossy().to_lowercase());
     match extension.as_deref() {
         Some("npy") => spectra::run(arguments, common),
-        _ => Err(Error::usage(format!(
-            "{}: give recorded spectra as .npy",
-            arguments.recording.display()
-        ))),
+        _ => recording::run(arguments, common),
     }
 }

@@ -1,6 +1,6 @@
 //! Recorded spectra as `.npy`: k-linearisation from mirrors or a map, dispersion, depth.
 
-use super::{Arguments, Sweep};
+use super::Arguments;
 use crate::cli::{Common, check_output, list, print};
 use crate::error::{Error, Result};
 use crate::figures::bscan::{BScan, BScans};
@@ -12,6 +12,7 @@ use crate::reconstruct::mirror::{Sides, Wavenumber, wavenumber};
 use crate::reconstruct::spectra::{
     Background, Compensation, Settings, Sharpness, SpectraVolume, Stage,
 };
+use crate::reconstruct::spectrum::Direction;
 use crate::reconstruct::window::Window;
 use ndarray::Array2;
 use serde_json::{Value, json};
@@ -48,10 +49,6 @@ pub(super) struct Options {
     /// Window over the spectrum
     #[arg(long, value_enum, default_value_t)]
     window: Window,
-    /// Dispersion in rad at the band's edge: A2,A3, none, or auto, by sharpness
-    #[arg(long, value_name = "A2,A3", default_value = "auto", allow_hyphen_values = true,
-          value_parser = compensation)]
-    dispersion: Compensation,
     /// Depth pixels over which sharpness is measured, both ends included [default: all but the
     /// nearest]
     #[arg(long, value_name = "A..B", value_parser = depths)]
@@ -74,7 +71,7 @@ pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     if Format::of(&arguments.output)? != Format::Zarr {
         return Err(Error::usage("-o: the reconstruction is a group: give a name with .zarr"));
     }
-    check_output(&arguments.output, &options.inputs(&arguments.recording))?;
+    check_output("-o", &arguments.output, &options.inputs(&arguments.recording))?;
     let depth_px_um = arguments.depth_px_um()?;
     let file = SpectraFile::open(&arguments.recording)?;
     let y = options.bscan.unwrap_or(file.bscans / 2);
@@ -83,7 +80,7 @@ pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
         return Err(Error::usage(format!("--bscan {y}: the B-scans are 0..{last}")));
     }
     let mirrors = options.mirrors(file.images)?;
-    let settings = options.settings(arguments.sweep, mirrors.as_ref())?;
+    let settings = options.settings(arguments, mirrors.as_ref())?;
     let volume = SpectraVolume::prepare(file, &settings)?;
     let facts = facts(arguments, &volume, mirrors.as_ref());
     let attributes = attributes(arguments, &facts, depth_px_um);
@@ -151,15 +148,15 @@ impl Options {
         Ok(fringe)
     }
 
-    fn settings(&self, sweep: Sweep, mirrors: Option<&Wavenumber>) -> Result<Settings> {
+    fn settings(&self, arguments: &Arguments, mirrors: Option<&Wavenumber>) -> Result<Settings> {
         let map = self.k_map.as_deref().map(read_f64_1d).transpose()?;
         Ok(Settings {
             background: self.background,
             window: self.window,
             wavenumber: map.or(mirrors.map(|mirrors| mirrors.k.clone())),
-            compensation: self.dispersion,
+            compensation: arguments.dispersion,
             depths: self.depths.clone(),
-            falling: sweep == Sweep::Down,
+            falling: arguments.sweep == Direction::Down,
         })
     }
 }
@@ -232,7 +229,7 @@ fn facts(arguments: &Arguments, volume: &SpectraVolume, mirrors: Option<&Wavenum
 
 fn attributes(arguments: &Arguments, facts: &Value, depth_px_um: Option<f64>) -> Attributes {
     let mut attributes = facts.as_object().cloned().unwrap_or_default();
-    let sweep = if arguments.sweep == Sweep::Up { "up" } else { "down" };
+    let sweep = if arguments.sweep == Direction::Up { "up" } else { "down" };
     for (key, value) in [
         ("software", Some(json!(concat!("phasewalk ", env!("CARGO_PKG_VERSION"))))),
         ("sweep", Some(json!(sweep))),
@@ -314,7 +311,7 @@ fn side_name(sides: Sides) -> &'static str {
 }
 
 /// `auto`, `none` or `A2,A3`.
-fn compensation(text: &str) -> std::result::Result<Compensation, String> {
+pub(super) fn compensation(text: &str) -> std::result::Result<Compensation, String> {
     let known = || {
         let (a2, a3) = text.split_once(',')?;
         let [a2, a3] =

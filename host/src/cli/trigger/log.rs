@@ -25,7 +25,7 @@ pub struct Arguments {
 pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let log = RunLog::read(&arguments.file)?;
     if let Some(path) = &arguments.csv {
-        check_output(path, &[&arguments.file])?;
+        check_output("--csv", path, &[&arguments.file])?;
         write_atomic(path, csv(&log).as_bytes())?;
     }
     if common.json {

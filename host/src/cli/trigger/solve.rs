@@ -49,7 +49,7 @@ impl Arguments {
                 let path = path.display();
                 return Err(Error::usage(format!("{flag} {path}: give a name with .{wanted}")));
             }
-            check_output(path, &inputs)?;
+            check_output(flag, path, &inputs)?;
         }
         Ok(())
     }

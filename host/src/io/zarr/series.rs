@@ -2,10 +2,11 @@
 
 use super::node::Node;
 use super::reader::{
-    ReadableArray, cannot_read, find_array, open_array, read_coordinate, single_threaded,
+    ReadableArray, cannot_read, find_array, open_array, read_coordinate, read_flags,
+    single_threaded,
 };
 use crate::error::{Error, Result};
-use crate::io::{Series, Shape};
+use crate::io::{Attributes, Series, Shape};
 use num_complex::{Complex32, Complex64};
 use serde_json::Value;
 use std::ops::Range;
@@ -28,7 +29,9 @@ pub(crate) struct ZarrSeries {
     is_double: bool,
     access: Access,
     times_s: Option<Vec<f64>>,
-    wavelength_nm: Option<f64>,
+    sweep_ok: Option<Vec<bool>>,
+    /// Those of the group, under those of the array itself.
+    attributes: Attributes,
 }
 
 /// How repeated reads of the same chunk are kept cheap.
@@ -63,11 +66,14 @@ impl ZarrSeries {
         } else {
             Access::Chunked(ChunkCacheDecodedLruSizeLimit::new(array, CACHE_BYTES))
         };
-        let own = wavelength(&node.attributes);
         let group = folder.parent().unwrap_or(Path::new(""));
+        let mut attributes = attributes_of_group(group);
+        attributes.extend(node.attributes);
+        let sweep_ok = flags_beside(group, shape.frames)?;
         Ok(Self {
-            times_s: times_beside(group, shape.frames)?,
-            wavelength_nm: own.or_else(|| wavelength_of_group(group)),
+            times_s: times_beside(group, shape.frames, sweep_ok.as_deref())?,
+            sweep_ok,
+            attributes,
             has_depth: node.shape.len() == 4,
             folder,
             shape,
@@ -132,13 +138,37 @@ impl Series for ZarrSeries {
         self.times_s.as_deref()
     }
 
-    fn wavelength_nm(&self) -> Option<f64> {
-        self.wavelength_nm
+    fn sweep_ok(&self) -> Option<&[bool]> {
+        self.sweep_ok.as_deref()
+    }
+
+    fn attribute(&self, name: &str) -> Option<&Value> {
+        self.attributes.get(name)
     }
 }
 
-/// The coordinate `time_s` in the same group, one time per frame.
-fn times_beside(group: &Path, frames: usize) -> Result<Option<Vec<f64>>> {
+/// The flags `sweep_ok` in the same group, one per frame.
+fn flags_beside(group: &Path, frames: usize) -> Result<Option<Vec<bool>>> {
+    let folder = group.join("sweep_ok");
+    if !folder.join("zarr.json").is_file() {
+        return Ok(None);
+    }
+    let (shape, flags) = read_flags(&folder, "sweep_ok")?;
+    if shape != [frames] {
+        return Err(Error::file(
+            &folder,
+            format!("has shape {shape:?} for {frames} frames: write one flag per frame"),
+        ));
+    }
+    Ok(Some(flags))
+}
+
+/// The coordinate `time_s` in the same group, one time per frame; a bad frame may lack its own.
+fn times_beside(
+    group: &Path,
+    frames: usize,
+    sweep_ok: Option<&[bool]>,
+) -> Result<Option<Vec<f64>>> {
     let folder = group.join("time_s");
     if !folder.join("zarr.json").is_file() {
         return Ok(None);
@@ -150,19 +180,17 @@ fn times_beside(group: &Path, frames: usize) -> Result<Option<Vec<f64>>> {
             format!("has {} times for {frames} frames: write one time per frame", times.len()),
         ));
     }
-    if let Some(frame) = times.iter().position(|time| !time.is_finite()) {
+    let is_good = |frame: usize| sweep_ok.is_none_or(|flags| flags[frame]);
+    let missing = |&frame: &usize| !times[frame].is_finite() && is_good(frame);
+    if let Some(frame) = (0..frames).find(missing) {
         return Err(Error::file(&folder, format!("the time of frame {frame} is not a number")));
     }
     Ok(Some(times))
 }
 
-fn wavelength(attributes: &crate::io::Attributes) -> Option<f64> {
-    attributes.get("wavelength_nm").and_then(Value::as_f64)
-}
-
-fn wavelength_of_group(group: &Path) -> Option<f64> {
+fn attributes_of_group(group: &Path) -> Attributes {
     match Node::read(group) {
-        Ok(Node::Group(attributes)) => wavelength(&attributes),
-        _ => None,
+        Ok(Node::Group(attributes)) => attributes,
+        _ => Attributes::new(),
     }
 }

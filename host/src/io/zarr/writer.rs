@@ -5,6 +5,7 @@ use crate::error::{Error, Result};
 use crate::io::Attributes;
 use crate::io::element::Element;
 use crate::io::staged::{StagedFolder, cannot_write};
+use crate::io::unfinished::Unfinished;
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -40,9 +41,34 @@ pub(crate) struct Layout<'a> {
     pub(crate) compression: Compression,
 }
 
+/// Where a group grows.
+enum Folder {
+    /// Gone when the work ends early.
+    Staged(StagedFolder),
+    /// Kept for a later run.
+    Unfinished(Unfinished),
+}
+
+impl Folder {
+    fn path(&self) -> PathBuf {
+        match self {
+            Self::Staged(folder) => folder.path(),
+            Self::Unfinished(folder) => folder.path(),
+        }
+    }
+
+    fn report(&self) -> Report {
+        let (target, bytes) = match self {
+            Self::Staged(folder) => (folder.target(), folder.bytes()),
+            Self::Unfinished(folder) => (folder.target(), folder.bytes()),
+        };
+        Report { target: target.to_owned(), bytes }
+    }
+}
+
 /// A group on its way to its final name.
 pub(crate) struct GroupWriter {
-    folder: StagedFolder,
+    folder: Folder,
     store: Arc<FilesystemStore>,
     path: PathBuf,
 }
@@ -51,13 +77,23 @@ impl GroupWriter {
     /// Begin a group that will hold about `bytes` bytes.
     pub(crate) fn create(path: &Path, attributes: Attributes, bytes: u64) -> Result<Self> {
         let folder = StagedFolder::create(path, bytes)?;
+        Self::within(Folder::Staged(folder), path.to_owned(), attributes)
+    }
+
+    /// Begin or go on with a group that an interruption leaves behind.
+    pub(crate) fn go_on(work: Unfinished, attributes: Attributes) -> Result<Self> {
+        let path = work.target().to_owned();
+        Self::within(Folder::Unfinished(work), path, attributes)
+    }
+
+    fn within(folder: Folder, path: PathBuf, attributes: Attributes) -> Result<Self> {
         let store = FilesystemStore::new(folder.path())
-            .map_err(|error| Error::file(path, format!("cannot hold a Zarr store: {error}")))?;
-        let group = Self { folder, store: Arc::new(store), path: path.to_owned() };
+            .map_err(|error| Error::file(&path, format!("cannot hold a Zarr store: {error}")))?;
+        let group = Self { folder, store: Arc::new(store), path };
         GroupBuilder::new()
             .attributes(attributes)
             .build(Arc::clone(&group.store), "/")
-            .map_err(|error| Error::file(path, one_line(&error)))?
+            .map_err(|error| Error::file(&group.path, one_line(&error)))?
             .store_metadata()
             .map_err(|error| group.report().storage(&error))?;
         Ok(group)
@@ -98,12 +134,31 @@ impl GroupWriter {
 
     /// Give the group its final name, which is returned.
     pub(crate) fn finish(self) -> Result<PathBuf> {
-        self.folder.finish()?;
+        match self.folder {
+            Folder::Staged(folder) => folder.finish()?,
+            Folder::Unfinished(folder) => folder.finish()?,
+        }
         Ok(self.path)
     }
 
+    /// Keep what a later run needs to go on.
+    pub(crate) fn save(&self, name: &str, state: &[u8]) -> Result<()> {
+        match &self.folder {
+            Folder::Staged(_) => Ok(()),
+            Folder::Unfinished(folder) => folder.save(name, state),
+        }
+    }
+
+    /// The folder that stays behind when the work ends early.
+    pub(crate) fn unfinished_folder(&self) -> Option<&Path> {
+        match &self.folder {
+            Folder::Staged(_) => None,
+            Folder::Unfinished(folder) => Some(folder.folder()),
+        }
+    }
+
     fn report(&self) -> Report {
-        Report { target: self.folder.target().to_owned(), bytes: self.folder.bytes() }
+        self.folder.report()
     }
 }
 

@@ -1,0 +1,226 @@
+//! The options of `phase`, and what they alone can tell.
+
+use crate::cli::check_output;
+use crate::error::{Error, Result};
+use crate::io::npy::sibling;
+use crate::io::{Format, Series};
+use crate::looks::Looks;
+use crate::method::{Average, Depths, Method};
+use crate::notes;
+use clap::ValueEnum;
+use phasewalk_core::weights::Weighting;
+use std::path::PathBuf;
+
+use super::figure::Picture;
+
+/// Options of `phase`.
+#[derive(Debug, clap::Args)]
+#[command(group = clap::ArgGroup::new("region").required(true).args(["mask", "gaussian"]))]
+pub(in crate::cli) struct Arguments {
+    /// Complex series: .npy with axes (time, y, x) or (time, z, y, x), or a .zarr group with `field`
+    ///
+    /// Frames that the group's `sweep_ok` marks as bad, and frames without any finite number, are
+    /// left out of the computation; their results are NaN.
+    pub(super) series: PathBuf,
+    /// Curve: average over the pixels of this mask (y, x), true or non-zero inside
+    #[arg(long, value_name = "M.npy")]
+    pub(super) mask: Option<PathBuf>,
+    /// Curve: subtract that of this mask, an unstimulated region; the variances add
+    #[arg(long, value_name = "M2.npy")]
+    pub(super) control: Option<PathBuf>,
+    /// Images: average with a Gaussian of this standard deviation, in pixels (periodic edges)
+    #[arg(long, value_name = "SIGMA", allow_negative_numbers = true)]
+    pub(super) gaussian: Option<f64>,
+    /// How the phase is obtained from the cross-spectrum
+    #[arg(long, value_enum, default_value_t = MethodName::Paper)]
+    pub(super) method: MethodName,
+    /// Weights of the pairs (method paper)
+    #[arg(long, value_enum, default_value_t = WeightsName::Paper)]
+    pub(super) weights: WeightsName,
+    /// What the phase of a pair is averaged over; weights and standard deviations do not change
+    #[arg(long, value_enum, default_value_t = EnsembleName::Field)]
+    pub(super) ensemble: EnsembleName,
+    /// Use pairs of frames up to L apart, not counting bad sweeps (method paper)
+    /// [default: all pairs]
+    #[arg(long, value_name = "L", allow_negative_numbers = true)]
+    pub(super) max_lag: Option<usize>,
+    /// Frame to which the direct difference and the images of --figure compare, counting bad sweeps
+    /// [default: the fifth good one]
+    #[arg(long, value_name = "FRAME", allow_negative_numbers = true)]
+    pub(super) reference_frame: Option<usize>,
+    /// Depth pixels, both ends included: A..B for one layer, A..B,C..D for Z1 minus Z2
+    /// [default: the group's layer_ost_z minus layer_isos_z, where it has them]
+    #[arg(long, value_name = "A..B,C..D", allow_hyphen_values = true)]
+    pub(super) layers: Option<Depths>,
+    /// Looks for the weights' threshold: nominal (pixels of the mask, 4 pi sigma^2), effective
+    /// (independent speckles, estimated from the frames) or a number
+    /// [default: nominal for paper weights, effective for fisher]
+    #[arg(long, value_name = "LOOKS", allow_negative_numbers = true)]
+    pub(super) looks: Option<Looks>,
+    /// Wavelength, for the optical path length (phase lambda / 4 pi) beside a curve's phase
+    /// [default: the series' own, where it has one]
+    #[arg(long, value_name = "NM", allow_negative_numbers = true)]
+    pub(super) wavelength_nm: Option<f64>,
+    /// Write standard deviations of images too (curves always have them)
+    #[arg(long)]
+    pub(super) sigma: bool,
+    /// Arithmetic of images (curves always use f64)
+    #[arg(long, value_enum, default_value_t = Precision::F32)]
+    pub(super) precision: Precision,
+    /// Memory that images may take for their work, in MB (files held whole come on top)
+    #[arg(long, value_name = "MB", default_value_t = 2000, allow_negative_numbers = true)]
+    pub(super) memory: u64,
+    /// Draw the result, .png or .svg, with the direct difference beside it: the curve, or the images
+    /// of some frames with their speckle
+    #[arg(long, value_name = "F.png")]
+    pub(super) figure: Option<PathBuf>,
+    /// Frames that the figure of images shows, counting bad sweeps
+    /// [default: seven from the reference to the last]
+    #[arg(long, value_name = "FRAME,...", value_delimiter = ',', allow_negative_numbers = true)]
+    pub(super) at: Vec<usize>,
+    /// Result: .csv, .npy or .zarr for a curve, .npy or .zarr for images
+    #[arg(short, long, value_name = "OUT")]
+    pub(super) output: PathBuf,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum MethodName {
+    /// Phase difference to one frame
+    Direct,
+    /// Walk in steps of one frame
+    OneStep,
+    /// All pairs of frames, weighted least squares (extended Knox-Thompson)
+    Paper,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum WeightsName {
+    /// Mean unit phasor above the level of random phases
+    Paper,
+    /// Fisher information of the coherence
+    Fisher,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum EnsembleName {
+    /// The cross-spectrum, as the paper does: bright pixels count more
+    Field,
+    /// Its unit phasors: all pixels count the same, which helps where single bright speckles
+    /// dominate, as in layers of living tissue
+    Phasor,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum Precision {
+    /// Fast, on vector registers
+    F32,
+    /// For checks
+    F64,
+}
+
+impl Arguments {
+    pub(super) fn method(&self) -> Method {
+        match (self.method, self.weights) {
+            (MethodName::Direct, _) => Method::Direct,
+            (MethodName::OneStep, _) => Method::OneStep,
+            (MethodName::Paper, WeightsName::Paper) => Method::Paper(Weighting::Paper),
+            (MethodName::Paper, WeightsName::Fisher) => Method::Paper(Weighting::Fisher),
+        }
+    }
+
+    pub(super) fn average(&self) -> Average {
+        match self.ensemble {
+            EnsembleName::Field => Average::Field,
+            EnsembleName::Phasor => Average::Phasor,
+        }
+    }
+
+    pub(super) fn looks(&self) -> Looks {
+        self.looks.unwrap_or(match self.weights {
+            WeightsName::Paper => Looks::Nominal,
+            WeightsName::Fisher => Looks::Effective,
+        })
+    }
+
+    /// The depths asked for, else those that the series itself names.
+    pub(super) fn depths(&self, series: &dyn Series) -> Result<Depths> {
+        let given = match &self.layers {
+            Some(depths) => Some(depths.clone()),
+            None => notes::layers(series)?,
+        };
+        Depths::for_volume(given, series.shape().depth)
+    }
+
+    /// The wavelength asked for, else the series' own, nm.
+    pub(super) fn wavelength(&self, series: &dyn Series) -> Result<Option<f64>> {
+        self.wavelength_nm.map_or_else(|| notes::wavelength_nm(series), |nm| Ok(Some(nm)))
+    }
+
+    /// What the flags alone can tell.
+    pub(super) fn validate(&self) -> Result<()> {
+        let format = Format::of(&self.output)?;
+        if self.gaussian.is_some() && matches!(format, Format::Csv) {
+            return Err(Error::usage(format!(
+                "-o {}: images go to .npy or .zarr",
+                self.output.display()
+            )));
+        }
+        if let Some(nm) = self.wavelength_nm.filter(|nm| !nm.is_finite() || *nm <= 0.0) {
+            let what = "must be a number of nanometres above 0";
+            return Err(Error::usage(format!("--wavelength-nm {nm}: {what}")));
+        }
+        self.validate_methods()?;
+        self.validate_regions()?;
+        self.validate_files()
+    }
+
+    /// Options that belong to a method.
+    fn validate_methods(&self) -> Result<()> {
+        let paper = self.method == MethodName::Paper;
+        if !paper && (self.max_lag.is_some() || self.weights != WeightsName::Paper || self.sigma) {
+            let what = "--max-lag, --weights and --sigma";
+            return Err(Error::usage(format!("{what} belong to --method paper: leave them out")));
+        }
+        let compares = self.method == MethodName::Direct || self.figure.is_some();
+        if self.reference_frame.is_some() && !compares {
+            return Err(Error::usage(
+                "--reference-frame belongs to --method direct and --figure: leave it out",
+            ));
+        }
+        Ok(())
+    }
+
+    /// Options that belong to curves or to images.
+    fn validate_regions(&self) -> Result<()> {
+        if self.mask.is_some() && (self.sigma || self.precision == Precision::F64) {
+            let what = "--sigma and --precision";
+            return Err(Error::usage(format!(
+                "{what} are for images: a curve has standard deviations and f64 anyway"
+            )));
+        }
+        if self.mask.is_none() && self.control.is_some() {
+            return Err(Error::usage(
+                "--control is for curves: leave it out, or give --mask for --gaussian",
+            ));
+        }
+        if !self.at.is_empty() && (self.mask.is_some() || self.figure.is_none()) {
+            return Err(Error::usage(
+                "--at is for the figure of images: give --gaussian and --figure, or leave it out",
+            ));
+        }
+        Ok(())
+    }
+
+    /// No output may be an input, or another output.
+    fn validate_files(&self) -> Result<()> {
+        let mut inputs = vec![self.series.as_path()];
+        inputs.extend(self.mask.as_deref());
+        inputs.extend(self.control.as_deref());
+        let sigma = sibling(&self.output, "sigma");
+        check_output("-o", &self.output, &inputs)?;
+        check_output("-o", &sigma, &inputs)?;
+        let Some(figure) = &self.figure else { return Ok(()) };
+        Picture::of(figure)?;
+        check_output("--figure", figure, &inputs)
+    }
+}

@@ -1,0 +1,189 @@
+//! The phase of a region over time, less that of a control region.
+
+use super::figure::FigureFile;
+use super::{Task, check_looks};
+use crate::cli::print;
+use crate::curve::{Region, curve, subtract};
+use crate::error::{Error, Result};
+use crate::figures::{Canvas, PhaseCurve};
+use crate::io::{CurveRow, Series, Shape, read_mask, write_curve};
+use crate::looks::SpatialCoherence;
+use crate::method::{Method, Plan};
+use crate::notes;
+use crate::progress::Progress;
+use crate::series::Survey;
+use serde_json::json;
+use std::path::Path;
+
+/// A standard deviation that only Gamma_2 (1000 rad a step) leaves behind.
+const BRIDGED_RAD: f64 = 100.0;
+
+impl Task<'_> {
+    pub(super) fn curve(&self, path: &Path) -> Result<()> {
+        let Shape { height, width, .. } = self.good.shape();
+        let mask = read_mask(path, height, width)?;
+        let control = match &self.arguments.control {
+            Some(path) => Some((read_control(path, &mask, width)?, path)),
+            None => None,
+        };
+        let figure = self.arguments.figure.as_deref().map(FigureFile::create).transpose()?;
+
+        let survey = self.survey()?;
+        let ground = Ground { task: self, survey: &survey, coherence: self.coherence(&survey)? };
+        let mut result = ground.evaluate("phase curve", &mask, path, "--mask")?;
+        let control = control
+            .map(|(mask, path)| ground.evaluate("control curve", &mask, path, "--control"))
+            .transpose()?;
+        if let Some(control) = &control {
+            result.subtract(control);
+        }
+        self.finish(&survey, &result, control.as_ref(), figure)
+    }
+
+    /// Write, draw and report.
+    fn finish(
+        &self,
+        survey: &Survey,
+        result: &Evaluated,
+        control: Option<&Evaluated>,
+        figure: Option<FigureFile>,
+    ) -> Result<()> {
+        let memory = result.bytes.max(control.map_or(0, |control| control.bytes));
+        let mut facts = self.facts(survey, result.looks, result.effective_looks, memory);
+        facts.insert("pixels".to_owned(), json!(result.pixels));
+        facts.insert("pixels_left_out".to_owned(), json!(result.left_out));
+        if let Some(control) = control {
+            facts.insert("control_pixels".to_owned(), json!(control.pixels));
+        }
+        // Bridges have hundreds of radians, measured frames at most that of a random walk.
+        let bridged = result.rows.iter().filter(|row| row.sigma_rad > BRIDGED_RAD).count();
+        facts.insert("frames_bridged".to_owned(), json!(bridged));
+        let rows = self.good.rows_of_all(&result.rows);
+        let nm_per_rad = self.wavelength_nm.map(notes::nm_per_rad);
+        let mut files = write_curve(&self.arguments.output, &rows, nm_per_rad, facts.clone())?;
+        if let Some(figure) = figure {
+            files.push(figure.finish(&self.draw(&rows, result, control))?);
+        }
+        if bridged > 0 && !self.common.json {
+            let frames = self.plan.frames();
+            print(&format!(
+                "{bridged} of {frames} frames have no pair above random phases: bridged"
+            ));
+        }
+        let less = control.map(|c| format!(" less {}", c.in_words())).unwrap_or_default();
+        self.report(&format!("{}{less}", result.in_words()), facts, &files);
+        Ok(())
+    }
+
+    /// The curve of all frames with the direct difference.
+    fn draw(&self, rows: &[CurveRow], result: &Evaluated, control: Option<&Evaluated>) -> Canvas {
+        let column = |rows: &[CurveRow], value: fn(&CurveRow) -> f64| -> Vec<f64> {
+            rows.iter().map(value).collect()
+        };
+        let phase = |row: &CurveRow| row.phase_rad;
+        let direct = result.direct.as_ref().map(|direct| self.good.rows_of_all(direct));
+        let direct = direct.map(|direct| column(&direct, phase));
+        let name = self.arguments.series.file_name().unwrap_or_default().to_string_lossy();
+        let less = control.map(|c| format!(" less {} of the control", c.pixels));
+        let figure = PhaseCurve {
+            label: &format!("{name}: {} pixels{}", result.pixels, less.unwrap_or_default()),
+            method: self.method_name(),
+            times: &column(rows, |row| row.time_s),
+            time_axis: if self.good.times_s().is_some() { "time / s" } else { "frame" },
+            phase: &column(rows, phase),
+            sigma: &column(rows, |row| row.sigma_rad),
+            direct: direct.as_deref(),
+            onset: notes::stimulus_onset(&self.good),
+            nm_per_rad: self.wavelength_nm.map(notes::nm_per_rad),
+        };
+        figure.draw()
+    }
+}
+
+/// The control region's mask, which shares no pixel with `mask`.
+fn read_control(path: &Path, mask: &[bool], width: usize) -> Result<Vec<bool>> {
+    let control = read_mask(path, mask.len() / width, width)?;
+    if control == mask {
+        return Err(Error::file(path, "is the same region as --mask: nothing would be left"));
+    }
+    let shared = control.iter().zip(mask).filter(|&(&c, &m)| c && m).count();
+    if shared > 0 {
+        return Err(Error::file(
+            path,
+            format!("{shared} pixels belong to --mask as well: the control must lie outside of it"),
+        ));
+    }
+    Ok(control)
+}
+
+/// What the curves of all regions start from.
+struct Ground<'a> {
+    task: &'a Task<'a>,
+    survey: &'a Survey,
+    coherence: SpatialCoherence,
+}
+
+impl Ground<'_> {
+    /// The curve of the region that `flag` asked for, and the direct difference for the figure.
+    fn evaluate(&self, name: &str, mask: &[bool], path: &Path, flag: &str) -> Result<Evaluated> {
+        let Task { arguments, good, plan, .. } = self.task;
+        let Shape { frames, width, .. } = good.shape();
+        let progress = Progress::new(name, 2 * frames as u64);
+        let region = Region::read(good, self.survey, mask, plan, &progress)
+            .map_err(|error| error.about(path))?;
+        let usable: Vec<bool> =
+            mask.iter().zip(&self.survey.valid).map(|(&m, &v)| m && v).collect();
+        let effective_looks = self.coherence.looks_of_mask(&usable, width);
+        let looks = arguments.looks().choose(region.pixels() as f64, effective_looks);
+        check_looks(plan.method, looks, flag)?;
+        let rows = curve(&region, plan, looks, effective_looks, &progress)?;
+        let beside = arguments.figure.is_some() && plan.method != Method::Direct;
+        let direct = beside.then(|| {
+            let plan = Plan { method: Method::Direct, ..plan.clone() };
+            curve(&region, &plan, looks, effective_looks, &Progress::hidden())
+        });
+        Ok(Evaluated {
+            rows,
+            direct: direct.transpose()?,
+            pixels: region.pixels(),
+            left_out: region.left_out,
+            looks,
+            effective_looks,
+            bytes: Region::bytes(
+                mask.iter().filter(|&&m| m).count(),
+                frames,
+                plan.depths.all().len(),
+            ),
+        })
+    }
+}
+
+/// A region's curve, one row for each good frame.
+struct Evaluated {
+    rows: Vec<CurveRow>,
+    direct: Option<Vec<CurveRow>>,
+    pixels: usize,
+    left_out: usize,
+    looks: f64,
+    effective_looks: f64,
+    /// Memory of its fields.
+    bytes: u64,
+}
+
+impl Evaluated {
+    fn subtract(&mut self, control: &Self) {
+        subtract(&mut self.rows, &control.rows);
+        if let (Some(direct), Some(control)) = (&mut self.direct, &control.direct) {
+            subtract(direct, control);
+        }
+    }
+
+    fn in_words(&self) -> String {
+        let left_out = if self.left_out > 0 {
+            format!(" ({} of the mask left out: not finite, or always zero)", self.left_out)
+        } else {
+            String::new()
+        };
+        format!("{} pixels{left_out}", self.pixels)
+    }
+}

@@ -1,0 +1,52 @@
+//! The file of a figure: its folder is tried before anything is computed.
+
+use crate::error::{Error, Result};
+use crate::figures::Canvas;
+use crate::io::StagedFile;
+use std::path::{Path, PathBuf};
+
+/// Kinds of pictures, by the extension of their name.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Picture {
+    Png,
+    Svg,
+}
+
+impl Picture {
+    pub(super) fn of(path: &Path) -> Result<Self> {
+        let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+        match extension.as_deref() {
+            Some("png") => Ok(Self::Png),
+            Some("svg") => Ok(Self::Svg),
+            _ => {
+                let path = path.display();
+                Err(Error::usage(format!("--figure {path}: figures go to .png or .svg")))
+            }
+        }
+    }
+}
+
+/// A figure on its way to its final name.
+pub(super) struct FigureFile {
+    file: StagedFile,
+    path: PathBuf,
+    picture: Picture,
+}
+
+impl FigureFile {
+    pub(super) fn create(path: &Path) -> Result<Self> {
+        let picture = Picture::of(path)?;
+        Ok(Self { file: StagedFile::create(path, 0)?, path: path.to_owned(), picture })
+    }
+
+    /// Write the drawing and give the file its final name, which is returned.
+    pub(super) fn finish(self, canvas: &Canvas) -> Result<PathBuf> {
+        let bytes = match self.picture {
+            Picture::Png => canvas.png()?,
+            Picture::Svg => canvas.svg()?.into_bytes(),
+        };
+        self.file.write_at(&bytes, 0)?;
+        self.file.finish()?;
+        Ok(self.path)
+    }
+}

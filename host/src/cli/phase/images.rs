@@ -1,0 +1,138 @@
+//! Phase images of all frames.
+
+use super::figure::FigureFile;
+use super::shown::Shown;
+use super::{Task, check_looks};
+use crate::cli::{megabytes, print};
+use crate::error::Result;
+use crate::image::{ImageJob, Imaging, Kernel, StripResult};
+use crate::io::{Attributes, ImageLayout, ImageWriter, Series, Shape};
+use crate::lanes::Path as LanePath;
+use crate::looks::SpatialCoherence;
+use crate::progress::Progress;
+use crate::series::Survey;
+use serde_json::json;
+
+use super::arguments::Precision;
+
+impl Task<'_> {
+    pub(super) fn images(&self, sigma_px: f64) -> Result<()> {
+        let Shape { height, width, .. } = self.good.shape();
+        let double = self.arguments.precision == Precision::F64;
+        let kernel = Kernel::new(sigma_px, height, width, double)?;
+        let path = LanePath::best()?;
+        let figure = self.figure()?;
+        let survey = self.survey()?;
+        let coherence = self.coherence(&survey)?;
+        let effective = coherence.looks_of_kernel(&kernel);
+        let looks = self.arguments.looks().choose(kernel.nominal_looks(), effective);
+        check_looks(self.plan.method, looks, "--gaussian")?;
+        let job = ImageJob {
+            series: &self.good,
+            survey: &survey,
+            plan: &self.plan,
+            sigma_px,
+            looks,
+            effective_looks: effective,
+            sigma: self.arguments.sigma,
+            double,
+            path,
+            threads: self.common.threads(),
+            memory: self.memory(),
+        };
+        self.write_images(&job, &coherence, figure)
+    }
+
+    /// The figure's file and frames, before anything is computed.
+    fn figure(&self) -> Result<Option<(FigureFile, Shown)>> {
+        let file = self.arguments.figure.as_deref().map(FigureFile::create).transpose()?;
+        file.map(|file| Ok((file, Shown::new(self)?))).transpose()
+    }
+
+    /// Compute, write, draw and report.
+    fn write_images(
+        &self,
+        job: &ImageJob<'_>,
+        coherence: &SpatialCoherence,
+        figure: Option<(FigureFile, Shown)>,
+    ) -> Result<()> {
+        let memory = job.memory_plan()?;
+        let Shape { height, width, .. } = self.good.shape();
+        if !self.common.json {
+            let (strips, threads) = (height.div_ceil(memory.strip_rows), memory.threads);
+            let bytes = megabytes(memory.bytes);
+            print(&format!("{strips} strips on {threads} threads; {bytes} of memory"));
+        }
+        let mut facts = self.facts(job.survey, job.looks, job.effective_looks, memory.bytes);
+        let layout = self.layout(memory.strip_rows, facts.clone());
+        let writer = ImageWriter::create(&self.arguments.output, layout)?;
+        let progress = Progress::new("phase images", job.steps()?);
+        let unmeasured = job.run(&progress, &|strip| {
+            if let Some((_, shown)) = &figure {
+                shown.keep(&strip)?;
+            }
+            self.write_strip(&writer, &strip)
+        })?;
+        let mut files = writer.finish()?;
+        drop(progress);
+        if let Some((file, shown)) = figure {
+            let canvas = shown.draw(self, &self.imaging(job, coherence))?;
+            files.push(file.finish(&canvas)?);
+        }
+        facts.insert("pixels_without_weight".to_owned(), json!(unmeasured));
+        if unmeasured > 0 && !self.common.json {
+            print(&format!("{unmeasured} pixels have no pair above random phases: 0 there"));
+        }
+        let left_out = left_out(job.survey);
+        self.report(&format!("{width} x {height} pixels{left_out}"), facts, &files);
+        Ok(())
+    }
+
+    fn layout(&self, strip_rows: usize, attributes: Attributes) -> ImageLayout {
+        let Shape { height, width, .. } = self.good.shape();
+        let frames = self.good.of();
+        let times = || (0..frames).map(|frame| self.good.time_of(frame)).collect();
+        ImageLayout {
+            frames,
+            height,
+            width,
+            strip_rows,
+            sigma: self.arguments.sigma,
+            attributes,
+            times_s: self.good.times_s().map(|_| times()),
+        }
+    }
+
+    /// Bad sweeps as images without values.
+    fn write_strip(&self, writer: &ImageWriter, strip: &StripResult<'_>) -> Result<()> {
+        let phases = self.good.images_of_all(strip.phases);
+        let sigmas = strip.sigmas.map(|sigmas| self.good.images_of_all(sigmas));
+        writer.write_strip(strip.first_row, &phases, sigmas.as_deref(), strip.valid)
+    }
+
+    /// How the images were computed, for the direct difference beside them.
+    fn imaging<'a>(&'a self, job: &ImageJob<'a>, coherence: &'a SpatialCoherence) -> Imaging<'a> {
+        Imaging {
+            series: &self.good,
+            survey: job.survey,
+            coherence,
+            sigma_px: job.sigma_px,
+            looks: self.arguments.looks(),
+            threads: job.threads,
+            memory: job.memory,
+        }
+    }
+
+    /// Bytes that the images may take.
+    fn memory(&self) -> u64 {
+        self.arguments.memory.saturating_mul(1_000_000)
+    }
+}
+
+fn left_out(survey: &Survey) -> String {
+    let Survey { not_finite, dark, .. } = survey;
+    if not_finite + dark == 0 {
+        return String::new();
+    }
+    format!(" ({not_finite} not finite and {dark} always zero: NaN there)")
+}

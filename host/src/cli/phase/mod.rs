@@ -1,0 +1,112 @@
+//! `phasewalk phase`.
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | `arguments` | the options, and what they alone can tell |
+//! | `curve` | the phase of a region over time |
+//! | `images` | phase images of all frames |
+//! | `shown` | the frames that the figure of images shows |
+//! | `figure` | the file of a figure |
+//! | `report` | what is kept with the result and said about it |
+
+mod arguments;
+mod curve;
+mod figure;
+mod images;
+mod report;
+mod shown;
+
+pub(super) use arguments::Arguments;
+
+use super::Common;
+use crate::error::{Error, Result};
+use crate::figures::style;
+use crate::frames::ChosenFrames;
+use crate::io::open_series;
+use crate::looks::SpatialCoherence;
+use crate::method::{Depths, Method, Plan};
+use crate::series::{Survey, survey};
+use phasewalk_core::params::RANDOM_PROBABILITY;
+use std::time::Instant;
+
+pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
+    arguments.validate()?;
+    let series = open_series(&arguments.series)?;
+    let series = series.as_ref();
+    let about = |error: Error| error.about(&arguments.series);
+    let depths = arguments.depths(series).map_err(about)?;
+    let wavelength_nm = arguments.wavelength(series).map_err(about)?;
+    let good = ChosenFrames::good(series, &depths.all()).map_err(about)?;
+    let plan = plan(arguments, &good, depths).map_err(about)?;
+    let task = Task { arguments, common, good, plan, wavelength_nm, start: Instant::now() };
+    match (&arguments.mask, arguments.gaussian) {
+        (Some(path), _) => task.curve(path),
+        (None, sigma) => task.images(sigma.unwrap_or_default()),
+    }
+}
+
+/// The method for the good frames, which keep their times.
+fn plan(arguments: &Arguments, good: &ChosenFrames<'_>, depths: Depths) -> Result<Plan> {
+    let reference = arguments.reference_frame;
+    let reference = reference.map(|frame| good.position(frame, "--reference-frame")).transpose()?;
+    let frames = good.numbers().len();
+    let mut plan = Plan::new(arguments.method(), frames, arguments.max_lag, reference, depths)?;
+    plan.average = arguments.average();
+    plan.times_s = good.numbers().iter().map(|&frame| good.time_of(frame)).collect();
+    check_times(&plan.times_s)?;
+    Ok(plan)
+}
+
+/// Fewer than twelve looks cannot be told from random phases: the threshold is above any mean phasor.
+fn check_looks(method: Method, looks: f64, region: &str) -> Result<()> {
+    let needed = -(1.0 - RANDOM_PROBABILITY).ln();
+    if !matches!(method, Method::Paper(_)) || looks > needed {
+        return Ok(());
+    }
+    Err(Error::usage(format!(
+        "{region}: {looks:.1} looks cannot be told from random phases, {} are needed: average over \
+         more pixels, or take --method one-step or --looks",
+        needed.ceil()
+    )))
+}
+
+/// Gamma_2 divides by the intervals.
+fn check_times(times: &[f64]) -> Result<()> {
+    let ascending = times.windows(2).all(|pair| pair[1] > pair[0]);
+    if ascending && times.iter().all(|time| time.is_finite()) {
+        return Ok(());
+    }
+    Err(Error::failed("the series' coordinate time_s is not strictly ascending: correct it"))
+}
+
+/// What the flags and the file have settled.
+struct Task<'a> {
+    arguments: &'a Arguments,
+    common: &'a Common,
+    /// The series without its bad sweeps.
+    good: ChosenFrames<'a>,
+    plan: Plan,
+    wavelength_nm: Option<f64>,
+    start: Instant,
+}
+
+impl Task<'_> {
+    fn survey(&self) -> Result<Survey> {
+        survey(&self.good, &self.plan.depths.all())
+            .map_err(|error| error.about(&self.arguments.series))
+    }
+
+    fn coherence(&self, survey: &Survey) -> Result<SpatialCoherence> {
+        let layer: Vec<usize> = self.plan.depths.first.clone().collect();
+        SpatialCoherence::estimate(&self.good, survey, &layer)
+    }
+
+    /// What figures call the method, and its colour.
+    fn method_name(&self) -> (&'static str, [u8; 3]) {
+        match self.plan.method {
+            Method::Direct => (style::DIRECT_NAME, style::DIRECT),
+            Method::OneStep => (style::ONE_STEP_NAME, style::ONE_STEP),
+            Method::Paper(_) => (style::EXTENDED_NAME, style::EXTENDED),
+        }
+    }
+}

@@ -1,0 +1,89 @@
+//! What is kept with the result, and what is said about it.
+
+use super::Task;
+use crate::cli::{list, print};
+use crate::io::Attributes;
+use crate::method::Method;
+use crate::series::Survey;
+use clap::ValueEnum;
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+impl Task<'_> {
+    /// What made the result, kept with it.
+    pub(super) fn facts(
+        &self,
+        survey: &Survey,
+        looks: f64,
+        effective: f64,
+        memory: u64,
+    ) -> Attributes {
+        let mut facts = Attributes::new();
+        let paper = matches!(self.plan.method, Method::Paper(_));
+        let left_out = self.good.left_out();
+        for (key, value) in [
+            ("software", json!(concat!("phasewalk ", env!("CARGO_PKG_VERSION")))),
+            ("series", json!(self.arguments.series)),
+            ("method", name(&self.arguments.method)),
+            ("weights", if paper { name(&self.arguments.weights) } else { Value::Null }),
+            ("ensemble", name(&self.arguments.ensemble)),
+            ("max_lag", if paper { json!(self.plan.params.max_lag) } else { Value::Null }),
+            ("layers", self.layers().map_or(Value::Null, Value::from)),
+            ("frames_left_out", if left_out.is_empty() { Value::Null } else { json!(left_out) }),
+            ("control", json!(self.arguments.control)),
+            ("gaussian_px", json!(self.arguments.gaussian)),
+            ("looks", json!(looks)),
+            ("effective_looks", json!(effective)),
+            ("wavelength_nm", json!(self.wavelength_nm)),
+            ("pixels_not_finite", json!(survey.not_finite)),
+            ("pixels_dark", json!(survey.dark)),
+            ("memory_bytes", json!(memory)),
+        ] {
+            if !value.is_null() {
+                facts.insert(key.to_owned(), value);
+            }
+        }
+        facts
+    }
+
+    pub(super) fn report(&self, region: &str, mut facts: Attributes, files: &[PathBuf]) {
+        let seconds = self.start.elapsed().as_secs_f64();
+        if self.common.json {
+            facts.insert("files".to_owned(), json!(files));
+            facts.insert("seconds".to_owned(), json!(seconds));
+            print(&Value::Object(facts).to_string());
+            return;
+        }
+        let left_out = self.good.left_out();
+        if !left_out.is_empty() {
+            let numbers: Vec<String> = left_out.iter().map(usize::to_string).collect();
+            print(&format!(
+                "{} of {} frames left out (bad sweeps, or not finite): {}",
+                left_out.len(),
+                self.good.of(),
+                numbers.join(", ")
+            ));
+        }
+        let looks = |key: &str| facts.get(key).and_then(Value::as_f64).unwrap_or(f64::NAN);
+        let layers = self.layers().map(|layers| format!(", layers {layers}")).unwrap_or_default();
+        print(&format!(
+            "{} frames{layers}, {region}, {} pairs; {:.1} looks, {:.1} of them independent",
+            self.plan.frames(),
+            self.plan.pairs().len(),
+            looks("looks"),
+            looks("effective_looks"),
+        ));
+        print(&format!("wrote {} in {seconds:.1} s", list(files)));
+    }
+
+    /// The depths compared, of two layers.
+    fn layers(&self) -> Option<String> {
+        let depths = &self.plan.depths;
+        depths.second.as_ref().map(|_| depths.to_string())
+    }
+}
+
+/// An option's value as the user writes it.
+fn name(value: &impl ValueEnum) -> Value {
+    value.to_possible_value().map_or(Value::Null, |value| json!(value.get_name()))
+}

@@ -1,0 +1,211 @@
+//! `phasewalk reconstruct` of a camera recording.
+
+use super::Arguments;
+use super::pictures::{self, Folder};
+use crate::cli::{Common, check_output, megabytes, print};
+use crate::error::{Error, Result};
+use crate::io::{Format, RawFormat, RawImages, open_raw};
+use crate::reconstruct::dispersion::Dispersion;
+use crate::reconstruct::findings::{Findings, Survey};
+use crate::reconstruct::preparation::Preparation;
+use crate::reconstruct::recording::{Job, Observer};
+use crate::reconstruct::settings::Settings;
+use crate::trigger::log::RunLog;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Options of a camera recording.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Camera recordings (.cih, .cihx, .mraw)")]
+pub(super) struct Options {
+    /// Images of a sweep
+    #[arg(long, value_name = "K", allow_negative_numbers = true)]
+    images: Option<usize>,
+    /// Write whole volumes instead of the layers' surroundings
+    #[arg(long)]
+    full: bool,
+    /// Run log of the trigger board: real times, and a check of the number of sweeps
+    #[arg(long, value_name = "RUN.ndjson")]
+    run_log: Option<PathBuf>,
+    /// Depth of the IS/OS at the centre of the field, in depth pixels, where the choice is wrong
+    #[arg(long, value_name = "PX", allow_negative_numbers = true)]
+    isos_px: Option<f64>,
+    /// Length of the outer segments, in um, where the choice is wrong
+    #[arg(long, value_name = "UM", allow_negative_numbers = true)]
+    outer_segment_um: Option<f64>,
+    /// Go on with a run that was interrupted
+    #[arg(long)]
+    resume: bool,
+    /// Leave out the folder of diagnostic pictures, V.steps beside V.zarr
+    #[arg(long)]
+    no_pictures: bool,
+}
+
+pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
+    let (options, recording) = (&arguments.camera, &arguments.recording);
+    let settings = settings(arguments)?;
+    if Format::of(&arguments.output)? != Format::Zarr {
+        return Err(Error::usage("-o: the reconstruction is a group: give a name with .zarr"));
+    }
+    check_output("-o", &arguments.output, &[recording.as_path()])?;
+    let raw = open_raw(recording)?;
+    let times_s = options.run_log.as_deref().map(times).transpose()?;
+    let start = Instant::now();
+    let show = Show {
+        common,
+        format: raw.format(),
+        pictures: (!options.no_pictures).then(|| Folder::beside(&arguments.output)),
+        raw: raw.as_ref(),
+        settings: &settings,
+    };
+    let job = Job {
+        raw: raw.as_ref(),
+        name: recording,
+        settings: &settings,
+        times_s,
+        output: &arguments.output,
+        resume: options.resume,
+    };
+    let (findings, path) = job.run(&show).map_err(|error| error.about(recording))?;
+    let seconds = start.elapsed().as_secs_f64();
+    if common.json {
+        print(&summary(&findings, &show, &path, seconds).to_string());
+    } else {
+        tell(&findings, &show, &path, seconds);
+    }
+    Ok(())
+}
+
+fn settings(arguments: &Arguments) -> Result<Settings> {
+    let missing = |flag: &str, what: &str| {
+        Error::usage(format!("{flag} is missing: {what} of the camera recording"))
+    };
+    let Options { images, full, isos_px, outer_segment_um, .. } = arguments.camera;
+    let settings = Settings {
+        images: images.ok_or_else(|| missing("--images", "images of one sweep"))?,
+        wavelength_nm: arguments
+            .wavelength_nm
+            .ok_or_else(|| missing("--wavelength-nm", "the centre wavelength"))?,
+        bandwidth_nm: arguments
+            .bandwidth_nm
+            .ok_or_else(|| missing("--bandwidth-nm", "the width of the band"))?,
+        refractive_index: arguments.index,
+        direction: arguments.sweep,
+        full,
+        compensation: arguments.dispersion,
+        isos_px,
+        outer_segment_um,
+    };
+    settings.validate()?;
+    Ok(settings)
+}
+
+/// Times of the volumes of a run.
+fn times(path: &Path) -> Result<Vec<f64>> {
+    RunLog::read(path)?.volume_times_s().map_err(|error| error.about(path))
+}
+
+/// Lines on the terminal and pictures in a folder.
+struct Show<'a> {
+    common: &'a Common,
+    format: RawFormat,
+    pictures: Option<Folder>,
+    raw: &'a dyn RawImages,
+    settings: &'a Settings,
+}
+
+impl Observer for Show<'_> {
+    fn prepared(&self, plan: &Preparation, memory: u64) {
+        if self.common.json {
+            return;
+        }
+        let RawFormat { width, height, .. } = self.format;
+        let (sweeps, images) = (plan.sweeps.len(), plan.images);
+        print(&format!(
+            "{sweeps} sweeps of {images} images, {width} x {height} pixels, {} dead; {} of memory",
+            plan.illumination.dead_pixels(),
+            megabytes(memory)
+        ));
+        for (sweep, fault) in plan.sweeps.iter().enumerate().filter(|(_, s)| !s.is_ok()) {
+            print(&format!("sweep {sweep} is left out: {}", fault.verdict));
+        }
+        if !plan.estimate.is_reliable() {
+            print(
+                "the dispersion cannot be told from the image (too little signal): give it as \
+                 --dispersion A2,A3",
+            );
+        }
+    }
+
+    fn analysed(&self, findings: &Findings, survey: &Survey) -> Result<()> {
+        match &self.pictures {
+            Some(folder) => pictures::draw(folder, self.raw, self.settings, findings, survey),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Samples of the sweeps that were used, per second of both passes.
+fn samples_per_second(findings: &Findings, format: &RawFormat) -> f64 {
+    let used = findings.analysis.motions.iter().flatten().count();
+    let samples = used * findings.plan.images * format.width * format.height;
+    2.0 * samples as f64 / (findings.seconds[1] + findings.seconds[3]).max(f64::MIN_POSITIVE)
+}
+
+fn tell(findings: &Findings, show: &Show<'_>, path: &Path, seconds: f64) {
+    let Findings { plan, analysis, verdicts, .. } = findings;
+    for (sweep, verdict) in verdicts.iter().enumerate() {
+        if plan.sweeps[sweep].is_ok() && analysis.motions[sweep].is_none() {
+            print(&format!("sweep {sweep} is left out: {verdict}"));
+        }
+    }
+    let Dispersion { a2, a3 } = analysis.dispersion;
+    print(&format!("dispersion {a2:.2} rad (q^2), {a3:.2} rad (q^3) at the band's edge"));
+    let used = analysis.motions.iter().flatten().count();
+    let [tips, isos] = analysis.layers;
+    print(&format!(
+        "{used} of {} sweeps used; IS/OS at z {}..{}, tips at z {}..{}",
+        plan.sweeps.len(),
+        isos[0],
+        isos[1],
+        tips[0],
+        tips[1]
+    ));
+    let [prepared, first, between, second] = findings.seconds;
+    print(&format!(
+        "preparation {prepared:.1} s, first pass {first:.1} s, analysis {between:.1} s, second pass \
+         {second:.1} s: {:.2} Gsamples/s",
+        samples_per_second(findings, &show.format) / 1e9
+    ));
+    let beside = show
+        .pictures
+        .as_ref()
+        .map_or(String::new(), |folder| format!(" and pictures in {}", folder.path().display()));
+    print(&format!("wrote {}{beside} in {seconds:.1} s", path.display()));
+}
+
+fn summary(findings: &Findings, show: &Show<'_>, path: &Path, seconds: f64) -> Value {
+    let Findings { plan, analysis, verdicts, memory, .. } = findings;
+    let Dispersion { a2, a3 } = analysis.dispersion;
+    let [prepared, first, between, second] = findings.seconds;
+    json!({
+        "files": [path],
+        "pictures": show.pictures.as_ref().map(Folder::path),
+        "sweeps": plan.sweeps.len(),
+        "sweeps_used": analysis.motions.iter().flatten().count(),
+        "verdicts": verdicts,
+        "dead_pixels": plan.illumination.dead_pixels(),
+        "dispersion_rad": [a2, a3],
+        "dispersion_reliable": plan.estimate.is_reliable(),
+        "sharpness_before": plan.estimate.sharpness_before,
+        "sharpness_after": plan.estimate.sharpness_after,
+        "layer_ost_z": analysis.layers[0],
+        "layer_isos_z": analysis.layers[1],
+        "start_jitter_sigma_images": analysis.jitter_sigma,
+        "memory_bytes": memory,
+        "seconds": seconds,
+        "stages_s": { "preparation": prepared, "first_pass": first, "analysis": between, "second_pass": second },
+        "samples_per_second": samples_per_second(findings, &show.format),
+    })
+}

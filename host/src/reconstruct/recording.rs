@@ -1,0 +1,228 @@
+//! From a camera recording to volumes: two passes over the raw data, resumable.
+//!
+//! ```text
+//! recording ── preparation (sweeps, light, dispersion) ── first pass (background, |U|, motion, mean volume)
+//!           ── analysis (motions, starts, dispersion at the IS/OS, surfaces) ── second pass ── V.zarr
+//! ```
+
+use super::analysis::{Analysis, analyse};
+use super::background::Grid;
+use super::findings::{Findings, Survey};
+use super::first_pass::{FirstPass, LEAST_SIDE, State};
+use super::preparation::{self, Preparation};
+use super::second_pass::SecondPass;
+use super::settings::Settings;
+use crate::error::{Error, Result};
+use crate::io::{RawImages, Unfinished, VolumesLayout, VolumesWriter};
+use crate::progress::Progress;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use std::path::{Path, PathBuf};
+
+/// The state of the first pass, kept when it is interrupted.
+const FIRST: &str = "first-pass";
+/// What the passes have in common, kept from the first to the end.
+const ANALYSIS: &str = "analysis";
+/// The sweep at which the second pass goes on.
+const NEXT: &str = "next-sweep";
+/// Which recording and settings an unfinished run belongs to.
+const JOB: &str = "job";
+
+/// A reconstruction to be done.
+pub struct Job<'a> {
+    /// The recording.
+    pub raw: &'a dyn RawImages,
+    /// Its name, for the result's attributes.
+    pub name: &'a Path,
+    /// What the user says about it.
+    pub settings: &'a Settings,
+    /// When each sweep was taken, in seconds, where a run log tells.
+    pub times_s: Option<Vec<f64>>,
+    /// Where the result goes.
+    pub output: &'a Path,
+    /// Go on with an unfinished run.
+    pub resume: bool,
+}
+
+/// What the user is told while it goes on.
+pub trait Observer {
+    /// Sweeps are known, the passes begin.
+    fn prepared(&self, plan: &Preparation, memory: u64);
+    /// The layers are known: time for pictures. Not called again when a later run goes on.
+    ///
+    /// # Errors
+    /// When a picture cannot be written.
+    fn analysed(&self, findings: &Findings, survey: &Survey) -> Result<()>;
+}
+
+impl Job<'_> {
+    /// Do it; the result appears under its name when it is whole.
+    ///
+    /// # Errors
+    /// When the recording cannot be used, the disk is full, or the user interrupts: then what is
+    /// done is kept for `resume`.
+    pub fn run(&self, observer: &dyn Observer) -> Result<(Findings, PathBuf)> {
+        self.settings.validate()?;
+        let format = self.raw.format();
+        if format.height < LEAST_SIDE || format.width < LEAST_SIDE {
+            return Err(Error::failed(format!(
+                "images of {} x {} pixels: at least {LEAST_SIDE} x {LEAST_SIDE} are needed",
+                format.width, format.height
+            )));
+        }
+        let clock = Clock::start();
+        let plan = preparation::prepare(self.raw, self.settings)?;
+        self.check_times(&plan)?;
+        let memory = self.memory(&plan);
+        observer.prepared(&plan, memory);
+        let work = self.open_work()?;
+        let prepared_s = clock.seconds();
+        let (analysis, survey, passed_s) = self.first_pass(&plan, &work)?;
+        let analysed_s = clock.seconds() - prepared_s - passed_s;
+        let seconds = [prepared_s, passed_s, analysed_s, 0.0];
+        let name = self.name.to_owned();
+        let mut findings = Findings::new(name, plan, analysis, memory, seconds);
+        if let Some(survey) = survey {
+            observer.analysed(&findings, &survey)?;
+        }
+        let clock = Clock::start();
+        let path = self.second_pass(&findings, work)?;
+        findings.seconds[3] = clock.seconds();
+        Ok((findings, path))
+    }
+
+    /// A run log that knows another number of sweeps belongs to another recording.
+    fn check_times(&self, plan: &Preparation) -> Result<()> {
+        let (Some(times), found) = (&self.times_s, plan.sweeps.len()) else { return Ok(()) };
+        if times.len() == found {
+            return Ok(());
+        }
+        let told = times.len();
+        Err(Error::failed(format!(
+            "the run log tells of {told} sweeps, the recording holds {found}: give the log of this run"
+        )))
+    }
+
+    /// Peak memory of the passes, bytes.
+    fn memory(&self, plan: &Preparation) -> u64 {
+        let format = self.raw.format();
+        let (height, width) = (format.height, format.width);
+        let depth = if self.settings.full { plan.images / 2 } else { plan.depths.len().min(24) };
+        let first = FirstPass::bytes(plan, height, width);
+        first.max(SecondPass::bytes(plan.images, depth, height, width))
+    }
+
+    fn open_work(&self) -> Result<Unfinished> {
+        let format = self.raw.format();
+        let pixels = (format.height * format.width * size_of::<num_complex::Complex32>()) as u64;
+        let depth = if self.settings.full { self.settings.images as u64 / 2 } else { 24 };
+        let sweeps = (format.images / self.settings.images) as u64 + 1;
+        let work = Unfinished::open(self.output, sweeps * depth * pixels, self.resume)?;
+        let job = serde_json::to_vec(&(self.name, self.settings, format.images, format.bits))
+            .map_err(|error| Error::failed(format!("cannot describe the job: {error}")))?;
+        match work.load(JOB)? {
+            Some(earlier) if earlier != job => Err(Error::usage(format!(
+                "--resume: the unfinished run beside {} is of another recording or other settings; \
+                 leave --resume out to begin anew",
+                self.output.display()
+            ))),
+            Some(_) => Ok(work),
+            None => {
+                work.save(JOB, &job)?;
+                Ok(work)
+            }
+        }
+    }
+
+    /// What the first pass finds, what it has seen (unless an earlier run did it), and its seconds.
+    fn first_pass(
+        &self,
+        plan: &Preparation,
+        work: &Unfinished,
+    ) -> Result<(Analysis, Option<Survey>, f64)> {
+        if let Some(analysis) = load(work, ANALYSIS)? {
+            return Ok((analysis, None, 0.0));
+        }
+        let clock = Clock::start();
+        let mut pass = FirstPass::new(self.raw, plan, load::<State>(work, FIRST)?)?;
+        let progress = Progress::new("first pass", plan.sweeps.len() as u64);
+        let outcome = pass.run(&progress);
+        drop(progress);
+        if let Err(error) = outcome {
+            save(work, FIRST, &pass.state)?;
+            return Err(kept(error, work.folder()));
+        }
+        let passed_s = clock.seconds();
+        let state = pass.state;
+        let format = self.raw.format();
+        let size = [format.height, format.width];
+        let fixed = state.fixed_fringes(&Grid::new(format.height, format.width));
+        let (analysis, surfaces) = analyse(plan, &state, fixed, self.settings, size)?;
+        save(work, ANALYSIS, &analysis)?;
+        let survey = Survey { surfaces, mean: state.mean.intensity() };
+        Ok((analysis, Some(survey), passed_s))
+    }
+
+    fn second_pass(&self, findings: &Findings, work: Unfinished) -> Result<PathBuf> {
+        let Findings { plan, analysis, .. } = findings;
+        let format = self.raw.format();
+        let next = load::<usize>(&work, NEXT)?.unwrap_or(0);
+        let layout = VolumesLayout {
+            sweeps: plan.sweeps.len(),
+            depth: analysis.depths.len(),
+            height: format.height,
+            width: format.width,
+        };
+        let companions = findings.companions(self.times_s.clone());
+        let attributes = findings.attributes(self.settings);
+        let writer = VolumesWriter::create(work, layout, attributes, &companions)?;
+        let mut pass = SecondPass::new(self.raw, plan, analysis, self.settings.direction)?;
+        let progress = Progress::new("second pass", plan.sweeps.len() as u64);
+        let done = |next: usize| writer.save(NEXT, &encode(&next)?);
+        if let Err(error) = pass.run(next, &writer, &progress, done) {
+            drop(progress);
+            let folder = writer.folder().unwrap_or(self.output).to_owned();
+            return Err(kept(error, &folder));
+        }
+        writer.finish()
+    }
+}
+
+/// The same error, which says what was kept.
+fn kept(error: Error, folder: &Path) -> Error {
+    match error {
+        Error::Interrupted => Error::Kept(format!(
+            "interrupted: the sweeps done so far are kept in {}; --resume goes on with them",
+            folder.display()
+        )),
+        other => other,
+    }
+}
+
+fn encode(state: &impl Serialize) -> Result<Vec<u8>> {
+    postcard::to_stdvec(state).map_err(|error| Error::failed(format!("cannot keep state: {error}")))
+}
+
+fn save(work: &Unfinished, name: &str, state: &impl Serialize) -> Result<()> {
+    work.save(name, &encode(state)?)
+}
+
+fn load<T: DeserializeOwned>(work: &Unfinished, name: &str) -> Result<Option<T>> {
+    let Some(bytes) = work.load(name)? else { return Ok(None) };
+    postcard::from_bytes(&bytes).map(Some).map_err(|_| {
+        Error::file(work.folder(), "its state is damaged: leave --resume out to begin anew")
+    })
+}
+
+/// Wall time since it was started.
+struct Clock(std::time::Instant);
+
+impl Clock {
+    fn start() -> Self {
+        Self(std::time::Instant::now())
+    }
+
+    fn seconds(&self) -> f64 {
+        self.0.elapsed().as_secs_f64()
+    }
+}

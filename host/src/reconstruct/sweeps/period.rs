@@ -1,0 +1,122 @@
+//! Whether the data repeat every K images, and what to suggest when they do not.
+
+use super::scaled::{Scaled, quantile};
+use super::trace::Trace;
+use crate::error::{Error, Result};
+use num_complex::Complex;
+use rustfft::FftPlanner;
+
+/// Shortest period looked for.
+const SHORTEST: usize = 8;
+/// Images and groups that suffice to find a period.
+const IMAGES: usize = 1 << 15;
+const GROUPS: usize = 16;
+/// A peak of the autocorrelation counts from this share of the highest on.
+const PEAK_SHARE: f64 = 0.95;
+/// Another period is the true one when the images one apart differ this many times less.
+const CLEARLY: f64 = 3.0;
+/// Differences at two lags are equal within this factor.
+const EQUALLY: f64 = 1.5;
+
+/// Refuses a K that is not the period of the data, or several periods.
+pub(super) fn check(trace: &Trace, data: &Scaled, period: usize) -> Result<()> {
+    let Some(other) = found(trace, 2 * period).filter(|&other| other != period) else {
+        return Ok(());
+    };
+    let (given, better) = (unrest(data, period), unrest(data, other));
+    let refuted = if period % other == 0 {
+        better < EQUALLY * given && unrest(data, other / 2) > CLEARLY * better
+    } else {
+        CLEARLY * better < given
+    };
+    if refuted { Err(wrong(other, period)) } else { Ok(()) }
+}
+
+/// The error of a recording in which most sweeps fit nothing.
+pub(super) fn not_repeating(
+    trace: &Trace,
+    data: &Scaled,
+    period: usize,
+    good: usize,
+    sweeps: usize,
+) -> Error {
+    match found(trace, 2 * period) {
+        Some(other) if other != period && unrest(data, other) < unrest(data, period) => {
+            wrong(other, period)
+        }
+        _ => Error::failed(format!(
+            "only {good} of {sweeps} stretches look like a sweep of {period} images: check --images \
+             and the recording, or give the run log"
+        )),
+    }
+}
+
+fn wrong(found: usize, period: usize) -> Error {
+    Error::failed(format!(
+        "the images repeat every {found}, not every {period}: use --images {found}, or check the \
+         recording"
+    ))
+}
+
+/// Median difference of images `lag` apart.
+fn unrest(data: &Scaled, lag: usize) -> f64 {
+    let pairs = data.images().saturating_sub(lag);
+    quantile((0..pairs).map(|image| f64::from(data.distance(image, image + lag))), 0.5)
+}
+
+/// The shortest period with (nearly) the highest autocorrelation, apart from all that is slower
+/// than `window` images.
+fn found(trace: &Trace, window: usize) -> Option<usize> {
+    let images = trace.images().min(IMAGES);
+    let longest = images / 2;
+    if longest <= SHORTEST {
+        return None;
+    }
+    let correlation = autocorrelation(trace, images, window);
+    let unbiased: Vec<f64> =
+        (0..longest).map(|lag| correlation[lag] * images as f64 / (images - lag) as f64).collect();
+    let rises = (1..longest).find(|&lag| unbiased[lag] > unbiased[lag - 1])?;
+    let from = rises.max(SHORTEST);
+    let highest = unbiased[from..].iter().copied().fold(0.0, f64::max);
+    (from..longest - 1).find(|&lag| {
+        let value = unbiased[lag];
+        value > PEAK_SHARE * highest && value >= unbiased[lag - 1] && value >= unbiased[lag + 1]
+    })
+}
+
+/// Sum over the groups of the autocorrelation, each group normalised and without outliers.
+fn autocorrelation(trace: &Trace, images: usize, window: usize) -> Vec<f64> {
+    let length = (2 * images).next_power_of_two();
+    let mut planner = FftPlanner::<f32>::new();
+    let (forward, inverse) = (planner.plan_fft_forward(length), planner.plan_fft_inverse(length));
+    let mut power = vec![Complex::new(0.0, 0.0); length];
+    for channel in 0..trace.channels().min(GROUPS) {
+        let mut values = vec![Complex::new(0.0, 0.0); length];
+        for (to, value) in values.iter_mut().zip(normalised(trace, channel, images, window)) {
+            to.re = value;
+        }
+        forward.process(&mut values);
+        for (sum, value) in power.iter_mut().zip(&values) {
+            sum.re += value.norm_sqr();
+        }
+    }
+    inverse.process(&mut power);
+    power.iter().take(images).map(|value| f64::from(value.re)).collect()
+}
+
+/// One group without its slow changes, clipped where the rare bad sweeps are.
+fn normalised(trace: &Trace, channel: usize, images: usize, window: usize) -> Vec<f32> {
+    let value = |image: usize| f64::from(trace.image(image)[channel]);
+    let mut sums = vec![0.0];
+    for image in 0..images {
+        sums.push(sums[image] + value(image));
+    }
+    let fast = |image: usize| {
+        let (from, to) = (image.saturating_sub(window / 2), (image + window / 2).min(images));
+        value(image) - (sums[to] - sums[from]) / (to - from).max(1) as f64
+    };
+    let fast: Vec<f64> = (0..images).map(fast).collect();
+    let [low, high] = [0.1, 0.9].map(|share| quantile(fast.iter().copied(), share));
+    let width = (high - low).max(f64::MIN_POSITIVE);
+    fast.iter().map(|value| (value / width).clamp(-1.0, 1.0) as f32).collect()
+}
