@@ -117,25 +117,6 @@ pub fn estimate(
     })
 }
 
-/// Sharpness N sum I^2 / (sum I)^2 of spectra (line, m) over `depths`, as [`estimate`] measures it
-/// under a given correction.
-///
-/// # Errors
-/// As [`estimate`].
-pub fn sharpness(
-    spectra: &[f32],
-    images: usize,
-    window: &[f32],
-    depths: Range<usize>,
-    dispersion: Dispersion,
-) -> Result<f64> {
-    check(spectra, images, window)?;
-    check_depths(&depths, images)?;
-    let first = vec![depths.start; spectra.len() / images];
-    let lines = Lines::new(&less_mean(spectra, images), window, first, depths.len(), 0.0);
-    Ok(lines.sharpness(dispersion))
-}
-
 /// Dispersion at one layer: as [`estimate`] from `start`, over the depths within `half_width` of
 /// each line's centre (pixels, under the correction `start`).
 ///
@@ -189,7 +170,8 @@ fn check(spectra: &[f32], images: usize, window: &[f32]) -> Result<()> {
     Ok(())
 }
 
-fn check_depths(depths: &Range<usize>, images: usize) -> Result<()> {
+/// Depths to look at lie within the positive ones.
+pub(super) fn check_depths(depths: &Range<usize>, images: usize) -> Result<()> {
     if depths.is_empty() || depths.end > images / 2 {
         let half = images / 2;
         return Err(Error::usage(format!("depths {depths:?}: choose some within 0..{half}")));

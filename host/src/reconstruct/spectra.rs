@@ -4,7 +4,7 @@
 //! reference arm and the dark level as they were during the recording, so neither is subtracted
 //! from another file.
 
-use super::dispersion::{self, Dispersion, Estimate, band_coordinate};
+use super::dispersion::{self, Dispersion, Estimate, band_coordinate, check_depths};
 use super::linearise::Resampler;
 use super::window::Window;
 use crate::error::{Error, Result};
@@ -15,7 +15,9 @@ use rustfft::{Fft, FftPlanner};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// A-lines from which dispersion and sharpness are found.
+/// B-scans over which sharpness is measured.
+const MEASURED_BSCANS: usize = 128;
+/// A-lines from which dispersion is found.
 const SAMPLED_LINES: usize = 400;
 /// B-scans from which they are taken.
 const SAMPLED_BSCANS: usize = 16;
@@ -69,15 +71,17 @@ pub enum Stage {
     Compensated,
 }
 
-/// Sharpness N sum I^2 / (sum I)^2 of the sampled lines after every step.
+/// How sharp the volume is after a step.
 #[derive(Clone, Copy, Debug)]
 pub struct Sharpness {
-    /// As recorded.
-    pub recorded: f64,
-    /// At equal steps of k, where that was a step.
-    pub linear: Option<f64>,
-    /// Without dispersion.
-    pub compensated: f64,
+    /// The step.
+    pub stage: Stage,
+    /// N sum I^2 / (sum I)^2 over the N pixels of all B-scans; the brightest ones decide.
+    pub value: f64,
+    /// Its ratio to that of the recording.
+    pub gain: f64,
+    /// Median over B-scans of the same ratio in each.
+    pub median_gain: f64,
 }
 
 /// A volume that is ready to be reconstructed B-scan by B-scan.
@@ -93,8 +97,8 @@ pub struct SpectraVolume {
     pub dispersion: Dispersion,
     /// What the search found, where one was made.
     pub estimate: Option<Estimate>,
-    /// What the steps achieved.
-    pub sharpness: Sharpness,
+    /// What the steps achieved, one after the other.
+    pub sharpness: Vec<Sharpness>,
 }
 
 impl SpectraVolume {
@@ -118,10 +122,13 @@ impl SpectraVolume {
             transform: FftPlanner::new().plan_fft_forward(images),
             dispersion: Dispersion::default(),
             estimate: None,
-            sharpness: Sharpness { recorded: 0.0, linear: None, compensated: 0.0 },
+            sharpness: Vec::new(),
             file,
         };
-        volume.measure(settings)?;
+        let depths = settings.depths.clone().unwrap_or(images / 64..images / 2);
+        check_depths(&depths, images)?;
+        volume.find_dispersion(settings.compensation, &depths)?;
+        volume.sharpness = volume.sharpness_of_steps(&depths)?;
         Ok(volume)
     }
 
@@ -131,32 +138,56 @@ impl SpectraVolume {
         [self.file.images / 2, self.file.bscans, self.file.lines]
     }
 
-    /// Dispersion, and the sharpness of every step.
-    fn measure(&mut self, settings: &Settings) -> Result<()> {
-        let images = self.file.images;
-        let depths = settings.depths.clone().unwrap_or(images / 64..images / 2);
-        let sharpness = |spectra: &[f32], dispersion| {
-            dispersion::sharpness(spectra, images, &self.window, depths.clone(), dispersion)
-        };
+    /// The steps that this volume takes.
+    #[must_use]
+    pub fn stages(&self) -> Vec<Stage> {
+        let linear = self.resampler.is_some().then_some(Stage::Linear);
+        [Stage::Recorded].into_iter().chain(linear).chain([Stage::Compensated]).collect()
+    }
+
+    fn find_dispersion(&mut self, how: Compensation, depths: &Range<usize>) -> Result<()> {
+        if let Compensation::Known(dispersion) = how {
+            self.dispersion = dispersion;
+            return Ok(());
+        }
         let recorded = self.sampled_lines()?;
-        let none = Dispersion::default();
-        let before = sharpness(&recorded, none)?;
-        let resampled = self.resampler.as_ref().map(|resampler| resampler.apply(&recorded));
-        let linear = resampled.as_deref().map(|spectra| sharpness(spectra, none)).transpose()?;
-        let spectra = resampled.as_deref().unwrap_or(&recorded);
-        let (found, estimate) = match settings.compensation {
-            Compensation::Known(dispersion) => (dispersion, None),
-            Compensation::Estimated => {
-                let window = &self.window;
-                let found = dispersion::estimate(spectra, images, window, depths.clone(), None)?;
-                let usable = if found.is_reliable() { found.dispersion } else { none };
-                (usable, Some(found))
-            }
-        };
-        let compensated = sharpness(spectra, found)?;
-        self.sharpness = Sharpness { recorded: before, linear, compensated };
-        (self.dispersion, self.estimate) = (found, estimate);
+        let spectra = self.resampler.as_ref().map_or(recorded.clone(), |r| r.apply(&recorded));
+        let images = self.file.images;
+        let found = dispersion::estimate(&spectra, images, &self.window, depths.clone(), None)?;
+        if found.is_reliable() {
+            self.dispersion = found.dispersion;
+        }
+        self.estimate = Some(found);
         Ok(())
+    }
+
+    fn sharpness_of_steps(&self, depths: &Range<usize>) -> Result<Vec<Sharpness>> {
+        let chosen = evenly(self.file.bscans, MEASURED_BSCANS);
+        let of_stage = |&stage: &Stage| -> Result<Vec<Moments>> {
+            let of_bscan = |&y: &usize| Ok(self.moments(&self.bscan(y, stage)?, depths));
+            chosen.par_iter().map(of_bscan).collect()
+        };
+        let stages = self.stages();
+        let moments: Vec<Vec<Moments>> = stages.iter().map(of_stage).collect::<Result<_>>()?;
+        let value = |bscans: &[Moments]| {
+            bscans.iter().fold(Moments::default(), |sum, &bscan| sum + bscan).sharpness()
+        };
+        let step = |(&stage, bscans): (&Stage, &Vec<Moments>)| Sharpness {
+            stage,
+            value: value(bscans),
+            gain: value(bscans) / value(&moments[0]),
+            median_gain: median_gain(bscans, &moments[0]),
+        };
+        Ok(stages.iter().zip(&moments).map(step).collect())
+    }
+
+    fn moments(&self, bscan: &[Complex32], depths: &Range<usize>) -> Moments {
+        let lines = bscan.chunks_exact(self.file.images / 2);
+        let pixels = lines.flat_map(|line| &line[depths.clone()]);
+        pixels.fold(Moments::default(), |sum, value| {
+            let intensity = f64::from(value.norm_sqr());
+            sum + Moments { pixels: 1.0, sum: intensity, squares: intensity * intensity }
+        })
     }
 
     /// Lines from all over the volume, without their background.
@@ -237,6 +268,41 @@ impl SpectraVolume {
         };
         self.window.iter().enumerate().map(factor).collect()
     }
+}
+
+/// Sums over pixels.
+#[derive(Clone, Copy, Debug, Default)]
+struct Moments {
+    pixels: f64,
+    /// Sum of I.
+    sum: f64,
+    /// Sum of I^2.
+    squares: f64,
+}
+
+impl Moments {
+    fn sharpness(self) -> f64 {
+        self.pixels * self.squares / (self.sum * self.sum)
+    }
+}
+
+impl std::ops::Add for Moments {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            pixels: self.pixels + other.pixels,
+            sum: self.sum + other.sum,
+            squares: self.squares + other.squares,
+        }
+    }
+}
+
+fn median_gain(bscans: &[Moments], recorded: &[Moments]) -> f64 {
+    let ratio = |(after, before): (&Moments, &Moments)| after.sharpness() / before.sharpness();
+    let mut gains: Vec<f64> = bscans.iter().zip(recorded).map(ratio).collect();
+    gains.sort_by(f64::total_cmp);
+    gains[gains.len() / 2]
 }
 
 /// The mean of the volume where that is asked for.

@@ -9,7 +9,9 @@ use crate::io::{Attributes, Format, VolumeWriter, write_atomic};
 use crate::progress::Progress;
 use crate::reconstruct::dispersion::Dispersion;
 use crate::reconstruct::mirror::{Sides, Wavenumber, wavenumber};
-use crate::reconstruct::spectra::{Background, Compensation, Settings, SpectraVolume, Stage};
+use crate::reconstruct::spectra::{
+    Background, Compensation, Settings, Sharpness, SpectraVolume, Stage,
+};
 use crate::reconstruct::spectrum::Direction;
 use crate::reconstruct::window::Window;
 use ndarray::Array2;
@@ -185,21 +187,17 @@ fn write(volume: &SpectraVolume, output: &Path, attributes: Attributes) -> Resul
 
 /// B-scan `y` after every step.
 fn draw(volume: &SpectraVolume, y: usize, depth_px_um: Option<f64>) -> Result<Vec<u8>> {
-    let mut stages = vec![(Stage::Recorded, "as recorded")];
-    if volume.sharpness.linear.is_some() {
-        stages.push((Stage::Linear, "equal steps of k"));
-    }
-    stages.push((Stage::Compensated, "without dispersion"));
+    let stages = volume.stages();
     let [depths, _, columns] = volume.shape();
-    let amplitude = |&(stage, _): &(Stage, &str)| -> Result<Array2<f32>> {
+    let amplitude = |&stage: &Stage| -> Result<Array2<f32>> {
         let field = volume.bscan(y, stage)?;
         Ok(Array2::from_shape_fn((depths, columns), |(z, x)| field[x * depths + z].norm()))
     };
     let amplitudes: Vec<Array2<f32>> = stages.iter().map(amplitude).collect::<Result<_>>()?;
     let label = format!("B-scan {y}");
     let panels = stages.iter().zip(&amplitudes);
-    let scans = panels.map(|(&(_, label), amplitude)| BScan {
-        label,
+    let scans = panels.map(|(&stage, amplitude)| BScan {
+        label: stage_name(stage),
         amplitude: amplitude.view(),
         surfaces: Vec::new(),
     });
@@ -221,9 +219,7 @@ fn facts(arguments: &Arguments, volume: &SpectraVolume, mirrors: Option<&Wavenum
     json!({
         "recording": arguments.recording,
         "shape_zyx": volume.shape(),
-        "sharpness_recorded": volume.sharpness.recorded,
-        "sharpness_linear_k": volume.sharpness.linear,
-        "sharpness": volume.sharpness.compensated,
+        "sharpness": volume.sharpness.iter().map(sharpness).collect::<Vec<_>>(),
         "dispersion_rad": pair(volume.dispersion),
         "dispersion_significance": found.map(|found| found.significance),
         "dispersion_reliable": found.map(|found| found.is_reliable()),
@@ -255,16 +251,14 @@ fn tell(volume: &SpectraVolume, mirrors: Option<&Wavenumber>) {
     if let Some(mirrors) = mirrors {
         print(&format!("mirrors    {}", about_mirrors(mirrors)));
     }
-    let sharpness = volume.sharpness;
-    print(&format!("sharpness  {:.2} as recorded", sharpness.recorded));
-    let step = |value: f64, what: &str| {
-        let times = value / sharpness.recorded;
-        print(&format!("           {value:.2} {what} ({times:.2} times)"));
-    };
-    if let Some(linear) = sharpness.linear {
-        step(linear, "at equal steps of k");
+    print(&format!("dispersion {}", about_dispersion(volume)));
+    for step in &volume.sharpness {
+        let Sharpness { value, gain, median_gain, .. } = step;
+        print(&format!(
+            "sharpness  {value:7.2} {:<19} {gain:.2} times, median of the B-scans {median_gain:.2} times",
+            stage_name(step.stage)
+        ));
     }
-    step(sharpness.compensated, &about_dispersion(volume));
 }
 
 fn about_mirrors(mirrors: &Wavenumber) -> String {
@@ -285,9 +279,27 @@ fn about_dispersion(volume: &SpectraVolume) -> String {
     match volume.estimate {
         Some(found) if !found.is_reliable() => {
             let Dispersion { a2, a3 } = found.dispersion;
-            format!("with dispersion left as it is: a2 {a2:.1}, a3 {a3:.1} rad is not certain")
+            format!("left as it is: a2 {a2:.1}, a3 {a3:.1} rad is not certain")
         }
-        _ => format!("without dispersion, a2 {a2:.2}, a3 {a3:.2} rad"),
+        _ => format!("a2 {a2:.2}, a3 {a3:.2} rad at the band's edge"),
+    }
+}
+
+/// One step, as JSON.
+fn sharpness(step: &Sharpness) -> Value {
+    json!({
+        "step": stage_name(step.stage),
+        "value": step.value,
+        "gain": step.gain,
+        "median_gain": step.median_gain,
+    })
+}
+
+fn stage_name(stage: Stage) -> &'static str {
+    match stage {
+        Stage::Recorded => "as recorded",
+        Stage::Linear => "equal steps of k",
+        Stage::Compensated => "without dispersion",
     }
 }
 
