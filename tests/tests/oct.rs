@@ -158,6 +158,7 @@ fn interrupted_and_resumed_is_the_same() {
     let line = reconstruct("--no-pictures --resume -o B.zarr");
     let (mut interrupted, mut milliseconds) = (0, 150);
     while !bench.path("B.zarr").exists() {
+        assert!(milliseconds < 60_000, "it never ends");
         let ran = run_for(&bench, &line, Duration::from_millis(milliseconds));
         if ran.status == Some(0) {
             break;
@@ -178,6 +179,7 @@ fn another_recording_is_not_resumed() {
     let mut milliseconds = 100;
     while !run_for(&bench, &line, Duration::from_millis(milliseconds)).stderr.contains("--resume") {
         assert!(!bench.path("V.zarr").exists(), "it was quicker than {milliseconds} ms");
+        assert!(milliseconds < 30_000, "nothing was kept");
         milliseconds += 50;
     }
     let other = line.replace("--images 256", "--images 256 --dispersion 1,2");

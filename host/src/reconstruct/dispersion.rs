@@ -3,7 +3,7 @@
 //! A difference of dispersion between sample and reference bends the phase over the band:
 //! a2 q^2 + a3 q^3, orders 2 and 3 of the band coordinate q, in radians at the band's edge. The
 //! spectrum is multiplied by the opposite phase and the window, transformed, and the pair (a2, a3)
-//! that makes the positive depths sharpest is taken: a grid first, then Nelder and Mead's simplex.
+//! that makes the positive depths sharpest (paper lines 703-707) is taken: a grid first, then Nelder and Mead's simplex.
 //! (Wojtkowski et al., Optics Express 12, 2404 (2004).)
 
 use super::fringes;

@@ -1,5 +1,5 @@
 //! Second pass over the recording: every matched sweep becomes a volume in the coordinates of the
-//! first, flattened on the IS/OS.
+//! first, flattened on the IS/OS (paper lines 707-711).
 
 use super::analysis::Analysis;
 use super::background::Grid;

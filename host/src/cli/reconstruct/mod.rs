@@ -33,7 +33,7 @@ pub(super) struct Arguments {
           value_parser = spectra::compensation)]
     dispersion: Compensation,
     #[command(flatten)]
-    camera: recording::Options,
+    camera: recording::CameraOptions,
     #[command(flatten)]
     spectra: spectra::Options,
     /// Result: a .zarr group with `field` (time, z, y, x), pictures beside it

@@ -18,7 +18,7 @@ use std::time::Instant;
 /// Options of a camera recording.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Camera recordings (.cih, .cihx, .mraw)")]
-pub(super) struct Options {
+pub(super) struct CameraOptions {
     /// Images of a sweep
     #[arg(long, value_name = "K", allow_negative_numbers = true)]
     images: Option<usize>,
@@ -81,7 +81,7 @@ fn settings(arguments: &Arguments) -> Result<Settings> {
     let missing = |flag: &str, what: &str| {
         Error::usage(format!("{flag} is missing: {what} of the camera recording"))
     };
-    let Options { images, full, isos_px, outer_segment_um, .. } = arguments.camera;
+    let CameraOptions { images, full, isos_px, outer_segment_um, .. } = arguments.camera;
     let settings = Settings {
         images: images.ok_or_else(|| missing("--images", "images of one sweep"))?,
         wavelength_nm: arguments

@@ -1,4 +1,5 @@
-//! Registration: where the retina lies in each sweep, by the speckle of its amplitude.
+//! Registration (paper lines 707-709): where the retina lies in each sweep, by the speckle of its
+//! amplitude.
 //!
 //! ```text
 //! |U|(z, y, x) ── plan (blocks, cells) ── feature (soft logarithm, half-whitened)
