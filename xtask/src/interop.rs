@@ -1,6 +1,6 @@
-//! What NumPy and zarr-python say about our files, and the NumPy peer about our images.
+//! What NumPy, zarr-python and pyMRAW say about our files, and the NumPy peer about our images.
 
-use crate::command::{command, run};
+use crate::command::{cargo, command, run};
 use crate::python::Environment;
 use crate::{Result, folders};
 use std::path::Path;
@@ -47,7 +47,19 @@ pub(crate) fn check(python: &Environment) -> Result {
         phasewalk(&format!("phase R.npy {ensemble} --method paper -o {output}"))?;
         agrees("R.npy", output, ensemble)?;
     }
-    Ok(())
+    check_recordings(python)
+}
+
+/// Recordings of cameras in tests/data, whose header is named.
+const RECORDINGS: [&str; 3] = ["ball_12bit.cihx", "beam.cihx", "sample_60k_16bit.cih"];
+
+/// Camera recordings, written and read beside pyMRAW.
+fn check_recordings(python: &Environment) -> Result {
+    run(&mut cargo("build --release --package phasewalk --example photron_frames"))?;
+    let data = folders::workspace().join("tests").join("data").join("photron");
+    let mut peer = python.script("check_photron.py");
+    peer.arg(folders::example("photron_frames")?).arg(folders::scratch("photron")?);
+    run(peer.args(RECORDINGS.map(|name| data.join(name))))
 }
 
 fn run_in(folder: &Path, arguments: &str) -> Result {

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 /// Options of `info`.
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
-    /// An .npy or .csv file or a .zarr folder
+    /// An .npy or .csv file, a .zarr folder, or a camera recording (.cihx, .cih, .mraw)
     file: PathBuf,
 }
 

@@ -3,7 +3,7 @@
 use super::npy::Header;
 use super::staged::cannot_open;
 use super::zarr::{ArrayNode, Node, read_coordinate};
-use super::{Attributes, InputKind, kind_of_input};
+use super::{Attributes, InputKind, kind_of_input, photron};
 use crate::error::{Error, Result};
 use serde::Serialize;
 use std::fmt;
@@ -40,11 +40,14 @@ pub struct ArrayDescription {
     pub range: Option<(f64, f64)>,
 }
 
-/// Describe an `.npy` file, a `.csv` table, a Zarr group or a Zarr array.
+/// Describe an `.npy` file, a `.csv` table, a Zarr group, a Zarr array or a camera recording.
 ///
 /// # Errors
 /// When `path` does not exist, is of another kind, or is damaged.
 pub fn describe(path: &Path) -> Result<Description> {
+    if photron::is_recording(path) {
+        return photron::describe(path);
+    }
     let is_table = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv"));
     let (kind, arrays, attributes) = if is_table {
         ("CSV table", describe_table(path)?, Attributes::new())

@@ -1,4 +1,4 @@
-//! The four number types of the written files, each with its name in NPY and in Zarr.
+//! The five number types of the written files, each with its name in NPY and in Zarr.
 
 use num_complex::Complex32;
 use zarrs::array::{DataType, FillValue, data_type};
@@ -16,6 +16,22 @@ pub(crate) trait Element: zarrs::array::Element + Copy {
 
     /// What a reader finds where nothing was written.
     fn fill_value() -> FillValue;
+}
+
+impl Element for u16 {
+    const NPY_TYPE: &'static str = "<u2";
+
+    fn append_to(self, bytes: &mut Vec<u8>) {
+        bytes.extend_from_slice(&self.to_le_bytes());
+    }
+
+    fn data_type() -> DataType {
+        data_type::uint16()
+    }
+
+    fn fill_value() -> FillValue {
+        FillValue::from(0_u16)
+    }
 }
 
 impl Element for f32 {

@@ -7,7 +7,7 @@
 
 use super::staged::cannot_open;
 use crate::error::{Error, Result};
-use memmap2::{Advice, Mmap, MmapOptions};
+use memmap2::{Mmap, MmapOptions};
 use std::fs::File;
 use std::ops::Range;
 use std::os::unix::fs::FileExt;
@@ -51,11 +51,7 @@ impl MappedFile {
         // SAFETY: the window lies inside the file as it is now; that nobody shortens it in the
         // next milliseconds is what every reader of a mapped file relies on.
         let mapped = unsafe { options.map(&self.file) };
-        let mapped = mapped
-            .map_err(|error| Error::file(&self.path, format!("cannot be mapped: {error}")))?;
-        // Only advice: where it is not taken, reading is slower.
-        let _ = mapped.advise(Advice::Sequential);
-        Ok(mapped)
+        mapped.map_err(|error| Error::file(&self.path, format!("cannot be mapped: {error}")))
     }
 
     /// Copy bytes without mapping them.

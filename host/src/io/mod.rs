@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `shape` | axes (time, z, y, x) and the check of a reading request |
 //! | `format` | the format that a file name asks for |
-//! | `element` | the four number types of the written files |
+//! | `element` | the five number types of the written files |
 //! | `staged` | results appear under their final name whole, or not at all |
 //! | `npy` | NumPy files, by positioned reads and writes |
 //! | `zarr` | Zarr v3 groups |
@@ -40,7 +40,7 @@ pub use field::{FieldLayout, FieldWriter, Truth};
 pub use format::Format;
 pub use image::{ImageLayout, ImageWriter};
 pub use mask::read_mask;
-pub use raw::{RawFormat, RawImages, open_raw};
+pub use raw::{RawFormat, RawImages, open_raw, visit_images};
 pub use shape::Shape;
 pub use staged::write_atomic;
 

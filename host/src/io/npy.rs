@@ -4,17 +4,21 @@
 //! |---|---|
 //! | `header` | type, shape and order of the array in a file, and whether the file is whole |
 //! | `series` | complex frames, read row by row |
+//! | `images` | raw images of unsigned integers |
 //! | `array` | small real arrays, read whole |
 //! | `writer` | arrays of known shape, written in pieces |
 
 mod array;
 mod header;
+mod images;
 mod series;
 mod writer;
 
 pub(crate) use array::read_flags;
 pub use array::{read_f64_1d, read_real};
 pub(crate) use header::Header;
+pub(crate) use images::open_images;
+pub use images::save_images;
 pub(crate) use series::open_series;
 pub(crate) use writer::NpyWriter;
 

@@ -1,9 +1,14 @@
 //! Raw camera images: what the reconstruction reads.
 
+use super::npy;
 use super::photron::{self, PhotronImages};
+use crate::allocate::zeros;
 use crate::error::{Error, Result};
 use std::ops::Range;
 use std::path::Path;
+
+/// Counts that [`visit_images`] holds in memory: 8 MiB, or one image where that is larger.
+const BLOCK: usize = 1 << 22;
 
 /// Layout of raw images, row-major counts.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,8 +66,8 @@ pub trait RawImages: Send + Sync {
     fn read(&self, images: Range<usize>, rows: Range<usize>, out: &mut [u16]) -> Result<()>;
 }
 
-/// Open a camera recording by its header, `.cih` or `.cihx`, or by its `.mraw` with a header of
-/// the same name beside it.
+/// Open raw images: a camera recording by its header, `.cih` or `.cihx`, or by its `.mraw` with a
+/// header of the same name beside it; or an `.npy` file of uint8 or uint16, axes (image, y, x).
 ///
 /// # Errors
 /// When a file is missing, damaged or of another kind, or when the header and the size of the
@@ -71,5 +76,29 @@ pub fn open_raw(path: &Path) -> Result<Box<dyn RawImages>> {
     if photron::is_recording(path) {
         return Ok(Box::new(PhotronImages::open(path)?));
     }
-    Err(Error::file(path, "unknown kind of recording: give its .cih, .cihx or .mraw file"))
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy")) {
+        return npy::open_images(path);
+    }
+    Err(Error::file(path, "unknown kind of recording: give its .cihx, .cih or .mraw, or an .npy"))
+}
+
+/// Show all images in order to `visit`, some whole ones at a time.
+///
+/// # Errors
+/// When they cannot be read, one does not fit in memory, or `visit` fails.
+pub fn visit_images(
+    raw: &dyn RawImages,
+    mut visit: impl FnMut(&[u16]) -> Result<()>,
+) -> Result<()> {
+    let RawFormat { images, height, width, .. } = raw.format();
+    let per_image = height * width;
+    let at_once = (BLOCK / per_image.max(1)).clamp(1, images.max(1));
+    let mut counts = zeros(at_once * per_image, "raw images")?;
+    for first in (0..images).step_by(at_once) {
+        let last = (first + at_once).min(images);
+        let block = &mut counts[..(last - first) * per_image];
+        raw.read(first..last, 0..height, block)?;
+        visit(block)?;
+    }
+    Ok(())
 }

@@ -9,7 +9,7 @@
 //! ```
 //! Numbers are little-endian. The trailer is not understood and not needed.
 
-use super::fields::{Fields, Keys, one_line};
+use super::fields::{Fields, Keys, one_line, shortened};
 use super::header::CameraHeader;
 use crate::error::{Error, Result};
 use roxmltree::{Document, Node};
@@ -53,11 +53,13 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<CameraHeader> {
     // A comment in another encoding must not cost the numbers.
     let text = String::from_utf8_lossy(xml(path, bytes)?);
     let options = roxmltree::ParsingOptions { nodes_limit: MOST_NODES, ..Default::default() };
-    let document = Document::parse_with_options(&text, options)
-        .map_err(|error| damaged(path, format!("its XML is broken: {error}")))?;
+    let document = Document::parse_with_options(&text, options).map_err(|error| {
+        damaged(path, format!("its XML is broken: {}", shortened(&error.to_string())))
+    })?;
     let root = document.root_element();
-    if root.tag_name().name() != "cih" {
-        return Err(damaged(path, format!("its XML holds <{}>", root.tag_name().name())));
+    let name = root.tag_name().name();
+    if name != "cih" {
+        return Err(damaged(path, format!("its XML holds <{}>", shortened(name))));
     }
     let text =
         |key: &str| element(root, key).map(|node| node.text().unwrap_or("").trim().to_owned());
@@ -105,67 +107,66 @@ pub(super) fn print(header: &CameraHeader) -> Vec<u8> {
     bytes
 }
 
-/// What our readers and others' look for; the camera's own headers hold ten times as much.
+/// The facts that readers look for; the camera's own headers hold ten times as many.
 fn print_xml(header: &CameraHeader) -> String {
-    let escaped = |text: &str| escape(&one_line(text));
-    let CameraHeader { images, height, width, effective_bits, .. } = header;
-    let CameraHeader { save_step, recorded_images, start_image, .. } = header;
-    let (bits, side) = (header.packing.bits(), header.side.word());
-    let (date, time) = (escaped(&header.date), escaped(&header.time));
-    let (device, comment) = (escaped(&header.device), escaped(&header.comment));
-    let rate_hz = header.rate_hz.unwrap_or(0.0);
-    let shutter_ns = header.shutter_s.map_or(0.0, |s| without_rounding_error(s * 1e9));
-    let shutter_speed = header.shutter_s.map_or(0.0, |s| without_rounding_error(1.0 / s));
-    let xml = format!(
-        r#"<?xml version="1.0" encoding="utf-8"?>
-<cih>
-    <fileInfo>
-        <version>1.0</version>
-        <date>{date}</date>
-        <time>{time}</time>
-    </fileInfo>
-    <imageFileInfo>
-        <fileFormat>Mraw</fileFormat>
-        <resolution>
-            <width>{width}</width>
-            <height>{height}</height>
-        </resolution>
-    </imageFileInfo>
-    <imageDataInfo>
-        <resolution>
-            <width>{width}</width>
-            <height>{height}</height>
-        </resolution>
-        <colorInfo>
-            <type>Mono</type>
-            <bit>{bits}</bit>
-        </colorInfo>
-        <effectiveBit>
-            <depth>{effective_bits}</depth>
-            <side>{side}</side>
-        </effectiveBit>
-    </imageDataInfo>
-    <frameInfo>
-        <recordedFrame>{recorded_images}</recordedFrame>
-        <totalFrame>{images}</totalFrame>
-        <startFrame>{start_image}</startFrame>
-        <skipFrame>{save_step}</skipFrame>
-    </frameInfo>
-    <basicInfo>
-        <comment>{comment}</comment>
-    </basicInfo>
-    <recordInfo>
-        <recordRate>{rate_hz}</recordRate>
-        <shutterSpeed>{shutter_speed}</shutterSpeed>
-        <shutterSpeedNsec>{shutter_ns}</shutterSpeedNsec>
-    </recordInfo>
-    <deviceInfo>
-        <deviceName>{device}</deviceName>
-    </deviceInfo>
-</cih>
-"#
-    );
-    xml.replace('\n', "\r\n")
+    let text = |text: &str| escape(&one_line(text));
+    let number = |number: f64| without_rounding_error(number).to_string();
+    let (width, height) = (header.width.to_string(), header.height.to_string());
+    print_elements(&[
+        ("fileInfo/version", "1.0".to_owned()),
+        (KEYS.date, text(&header.date)),
+        (KEYS.time, text(&header.time)),
+        (KEYS.file_format, "Mraw".to_owned()),
+        ("imageFileInfo/resolution/width", width.clone()),
+        ("imageFileInfo/resolution/height", height.clone()),
+        (KEYS.width, width),
+        (KEYS.height, height),
+        (KEYS.color, "Mono".to_owned()),
+        (KEYS.stored_bits, header.packing.bits().to_string()),
+        (KEYS.effective_bits, header.effective_bits.to_string()),
+        (KEYS.side, header.side.word().to_owned()),
+        (KEYS.recorded_images, header.recorded_images.to_string()),
+        (KEYS.images, header.images.to_string()),
+        (KEYS.start_image, header.start_image.to_string()),
+        (KEYS.save_step, header.save_step.to_string()),
+        (KEYS.comment, text(&header.comment)),
+        (KEYS.rate_hz, header.rate_hz.unwrap_or(0.0).to_string()),
+        (SHUTTER_SPEED, number(header.shutter_s.map_or(0.0, |s| 1.0 / s))),
+        (SHUTTER_NS, number(header.shutter_s.map_or(0.0, |s| s * 1e9))),
+        (KEYS.device, text(&header.device)),
+    ])
+}
+
+/// Elements by their paths below the root; neighbours share what their paths have in common.
+fn print_elements(elements: &[(&str, String)]) -> String {
+    let mut xml = "<?xml version=\"1.0\" encoding=\"utf-8\"?>\r\n".to_owned();
+    let mut open: Vec<&str> = Vec::new();
+    for (path, text) in elements {
+        let path: Vec<&str> = std::iter::once("cih").chain(path.split('/')).collect();
+        let [groups @ .., name] = path.as_slice() else { continue };
+        let shared = open.iter().zip(groups).take_while(|(a, b)| a == b).count();
+        close(&mut xml, &mut open, shared);
+        for group in &groups[shared..] {
+            xml += &format!("{}<{group}>\r\n", indent(open.len()));
+            open.push(group);
+        }
+        xml += &format!("{}<{name}>{text}</{name}>\r\n", indent(open.len()));
+    }
+    close(&mut xml, &mut open, 0);
+    xml
+}
+
+/// End the open elements from the innermost outwards, until `depth` are left.
+fn close(xml: &mut String, open: &mut Vec<&str>, depth: usize) {
+    while open.len() > depth
+        && let Some(group) = open.pop()
+    {
+        *xml += &format!("{}</{group}>\r\n", indent(open.len()));
+    }
+}
+
+fn indent(depth: usize) -> String {
+    "    ".repeat(depth)
 }
 
 /// 20000 and not 20000.000000000004.

@@ -152,8 +152,8 @@ impl Fields<'_> {
 }
 
 /// Enough of a damaged text to recognise it, in one line.
-fn shortened(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() { ' ' } else { c }).take(24).collect()
+pub(super) fn shortened(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() { ' ' } else { c }).take(80).collect()
 }
 
 /// A text without the characters that neither header can hold.

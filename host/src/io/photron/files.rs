@@ -3,7 +3,11 @@
 use super::header::CameraHeader;
 use super::{cih, cihx};
 use crate::error::{Error, Result};
+use crate::io::mapped::MappedFile;
 use crate::io::staged::cannot_open;
+use std::borrow::Cow;
+use std::cmp::Ordering;
+use std::fmt;
 use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -59,6 +63,7 @@ impl RecordingFiles {
     /// The header of this name and the images beside it, or the images of this name and the header
     /// beside them: the richer one where there are both.
     pub(crate) fn find(path: &Path) -> Result<Self> {
+        fs::metadata(path).map_err(|error| cannot_open(path, &error))?;
         let (header, images) = if has_extension(path, "mraw") {
             let header = beside(path, "cihx").or_else(|| beside(path, "cih"));
             let missing =
@@ -81,28 +86,74 @@ impl RecordingFiles {
         }
     }
 
+    /// Open the images.
+    pub(crate) fn open_images(&self) -> Result<MappedFile> {
+        if self.images.exists() {
+            return MappedFile::open(&self.images);
+        }
+        let name = self.header_name();
+        Err(Error::file(&self.images, format!("the images of {name} are missing: copy them too")))
+    }
+
     /// Refuse images of another size than the header wants.
     pub(crate) fn check_size(&self, header: &CameraHeader, found: u64) -> Result<()> {
-        let wanted = header.image_bytes();
-        if found == wanted {
+        let state = ImagesState::of(header, Some(found));
+        if state == ImagesState::Whole {
             return Ok(());
         }
-        let (images, whole) = (header.images, found / header.bytes_per_image());
-        let name = self.header.file_name().unwrap_or_default().to_string_lossy();
+        let name = self.header_name();
+        let wanted = header.image_bytes();
         Err(Error::file(
             &self.images,
-            if found == 0 {
-                format!("is empty, {name} wants {images} images: copy it again")
-            } else if found < wanted {
-                format!(
-                    "is cut short: {name} wants {images} images in {wanted} bytes, {found} bytes hold {whole} whole images; copy it again"
-                )
-            } else {
-                format!(
-                    "does not belong to {name}, which wants {images} images in {wanted} bytes: it has {found}, room for {whole}; copy both again"
-                )
-            },
+            format!(
+                "{state} ({found} bytes; {name} wants {wanted}): copy both files again, or correct the header"
+            ),
         ))
+    }
+
+    fn header_name(&self) -> Cow<'_, str> {
+        self.header.file_name().unwrap_or_default().to_string_lossy()
+    }
+}
+
+/// Whether the images are as many as the header says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum ImagesState {
+    Whole,
+    Missing,
+    Empty { images: usize },
+    CutShort { whole: u64, images: usize },
+    TooLong { whole: u64, images: usize },
+}
+
+impl ImagesState {
+    /// From the size of the images' file, if it is there.
+    pub(crate) fn of(header: &CameraHeader, found: Option<u64>) -> Self {
+        let images = header.images;
+        let Some(found) = found else { return Self::Missing };
+        let whole = found / header.bytes_per_image();
+        match found.cmp(&header.image_bytes()) {
+            Ordering::Equal => Self::Whole,
+            Ordering::Less if found == 0 => Self::Empty { images },
+            Ordering::Less => Self::CutShort { whole, images },
+            Ordering::Greater => Self::TooLong { whole, images },
+        }
+    }
+}
+
+impl fmt::Display for ImagesState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Whole => write!(f, "whole"),
+            Self::Missing => write!(f, "missing"),
+            Self::Empty { images } => write!(f, "empty: none of {images} images"),
+            Self::CutShort { whole, images } => {
+                write!(f, "cut short: {whole} whole images of {images}")
+            }
+            Self::TooLong { whole, images } => {
+                write!(f, "too long: room for {whole} images, the header says {images}")
+            }
+        }
     }
 }
 
@@ -119,17 +170,17 @@ fn has_extension(path: &Path, extension: &str) -> bool {
 /// All of a file that cannot be large.
 fn read_small(path: &Path) -> Result<Vec<u8>> {
     let cannot = |error| cannot_open(path, &error);
-    let length = fs::metadata(path).map_err(cannot)?;
-    if !length.is_file() {
+    let metadata = fs::metadata(path).map_err(cannot)?;
+    if !metadata.is_file() {
         return Err(Error::file(path, "is not an ordinary file: give the header of a recording"));
     }
-    if length.len() == 0 {
+    if metadata.len() == 0 {
         return Err(Error::file(path, "the header is empty: copy it again"));
     }
-    if length.len() > LARGEST_HEADER {
+    if metadata.len() > LARGEST_HEADER {
         return Err(Error::file(
             path,
-            format!("has {} bytes, too many for a header", length.len()),
+            format!("has {} bytes, too many for a header", metadata.len()),
         ));
     }
     let mut bytes = Vec::new();

@@ -9,10 +9,12 @@
 //! | `files` | which files belong together, and whether their sizes agree |
 //! | `samples` | counts to bytes and back |
 //! | `reader` | images piece by piece |
+//! | `describe` | what `phasewalk info` prints |
 //! | `writer` | whole recordings |
 
 mod cih;
 mod cihx;
+mod describe;
 mod fields;
 mod files;
 mod header;
@@ -20,7 +22,8 @@ mod reader;
 mod samples;
 mod writer;
 
-pub(crate) use files::{RecordingFiles, is_recording};
+pub(crate) use describe::describe;
+pub(crate) use files::is_recording;
 pub use header::{CameraHeader, Side};
 pub use reader::PhotronImages;
 pub use samples::Packing;

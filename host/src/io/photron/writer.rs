@@ -29,14 +29,15 @@ impl PhotronWriter {
     /// the kind of header.
     ///
     /// # Errors
-    /// When the header's numbers cannot be, the extension is another, or the folder cannot be
-    /// written to.
+    /// When the header's numbers cannot be, the extension is another, a header of the other kind
+    /// lies there, or the folder cannot be written to.
     pub fn create(path: &Path, header: CameraHeader) -> Result<Self> {
         let kind = HeaderKind::of(path).ok_or_else(|| {
             let shown = path.display();
             Error::usage(format!("{shown}: a recording is named by its header: give .cihx or .cih"))
         })?;
         header.check(path)?;
+        refuse_other_header(path, kind)?;
         if header.packing == Packing::Bits10 {
             return Err(Error::file(path, "images of 10 bits are read only: write 12 or 16"));
         }
@@ -112,4 +113,19 @@ impl PhotronWriter {
     fn refuse(&self, what: String) -> Error {
         Error::file(&self.images_path, what)
     }
+}
+
+/// It would describe the new images as if they were its own.
+fn refuse_other_header(path: &Path, kind: HeaderKind) -> Result<()> {
+    let other = path.with_extension(match kind {
+        HeaderKind::Cih => "cihx",
+        HeaderKind::Cihx => "cih",
+    });
+    if other.exists() {
+        return Err(Error::file(
+            &other,
+            "is the header of another recording of this name: remove it or choose another name",
+        ));
+    }
+    Ok(())
 }
