@@ -12,7 +12,9 @@ use std::path::Path;
 /// every group of packed counts.
 const WINDOW: usize = 1 << 21;
 
-/// Shorter pieces are copied: mapping and its page faults cost more than they save.
+/// Shorter pieces, a few rows of many images, are copied: mapping and its page faults made pieces of
+/// 5 kB five times and of 80 kB one and a half times slower. Whole images are faster mapped, by a
+/// tenth or more, as their bytes are not moved twice.
 const SHORT_BYTES: usize = 1 << 17;
 
 /// A recording whose header and images agree.
