@@ -34,7 +34,7 @@ impl Banded {
                 let (here, diagonal) = (self.at(i, j), self.at(j, j));
                 let rest = self.rows[here] - sum;
                 self.rows[here] = if i == j {
-                    if !(rest > 0.0) {
+                    if rest.is_nan() || rest <= 0.0 {
                         return None;
                     }
                     rest.sqrt()

@@ -6,7 +6,8 @@ use super::whiten::Whiten;
 use crate::simulate::vector_math::ln;
 use rayon::prelude::*;
 
-/// Intensity, relative to the mean one, below which the logarithm levels off: empty depths are quiet.
+/// Intensity, relative to the mean one, below which the logarithm levels off: empty depths are
+/// quiet.
 const SOFT: f32 = 0.1;
 /// Step of the columns and rows that decide on depths and levels.
 const SPARSE: usize = 4;

@@ -1,7 +1,8 @@
 //! Shift and rotation in one fit to the correlations of all cells.
 //!
-//! J(p) = Σ_cells Σ_lags C(lag) K(lag − u(p)) is maximised over p = (dz, dy, dx, angle), where u is the
-//! cell's displacement by p. No cell needs a peak of its own, so that weak pairs do as well as they can.
+//! J(p) = Σ_cells Σ_lags C(lag) K(lag − u(p)) is maximised over p = (dz, dy, dx, angle), where u is
+//! the cell's displacement by p. No cell needs a peak of its own, so that weak pairs do as well as
+//! they can.
 
 use super::banded::Banded;
 use super::kernel::weights;
@@ -84,7 +85,7 @@ fn coarse(cells: &[(&Cell, Cube)], start: Motion) -> Motion {
         moved(start, [step[0], step[1], step[2], 0.0])
     };
     (0..SIDE * SIDE * SIDE)
-        .map(|l| shifted(l))
+        .map(shifted)
         .max_by(|&a, &b| evaluate(cells, a).value.total_cmp(&evaluate(cells, b).value))
         .unwrap_or(start)
 }

@@ -1,7 +1,7 @@
 //! Which sweeps show the retina standing still enough.
 //!
-//! A blink shows nothing: it matches no sweep. A sweep smeared by a saccade matches its neighbours a little, at
-//! every place it passed, but far less than they match each other.
+//! A blink shows nothing: it matches no sweep. A sweep smeared by a saccade matches its neighbours
+//! a little, at every place it passed, but far less than they match each other.
 
 use super::MATCHED;
 use super::pair::PairMotion;
@@ -11,8 +11,8 @@ const SHARE: f64 = 0.25;
 
 /// True for sweeps that hang together by matching pairs, false for the others.
 ///
-/// `pairs` holds (earlier, later, motion). Blinks that only match each other, by what is fixed to the camera, are
-/// a smaller group and therefore not good.
+/// `pairs` holds (earlier, later, motion). Blinks that only match each other, by what is fixed to
+/// the camera, are a smaller group and therefore not good.
 #[must_use]
 pub fn judge(sweeps: usize, pairs: &[(usize, usize, PairMotion)]) -> Vec<bool> {
     let usable = usable(pairs);

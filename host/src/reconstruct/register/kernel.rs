@@ -5,8 +5,9 @@ use super::plan::Plan;
 
 /// Width (sigma) of the Gaussian weights along z, y, x in pixels.
 ///
-/// Measured: with these a peak between two samples is found with a bias below 0.006 px on every axis, although |U|
-/// is undersampled in depth; widths of 0.65 push it 0.04 px towards half pixels, wider ones lose detail.
+/// Measured: with these a peak between two samples is found with a bias below 0.006 px on every
+/// axis, although |U| is undersampled in depth; widths of 0.65 push it 0.04 px towards half pixels,
+/// wider ones lose detail.
 pub const WIDTH: [f64; 3] = [0.72, 0.76, 0.76];
 /// Every how many depths serve for the correlation of a feature with itself.
 const SPARSE: usize = 4;
@@ -68,7 +69,8 @@ fn centred_weights() -> Cube {
     cube
 }
 
-/// Σ k(l) k(l') c(l − l') with c = own ⋆ own, the covariance of two unrelated features' correlations.
+/// Σ k(l) k(l') c(l − l') with c = own ⋆ own, the covariance of two unrelated features'
+/// correlations.
 fn variance(own: &Cube, weights: &Cube) -> f64 {
     // The same as the squared norm of weights ⋆ own, over all places where they overlap.
     const WIDE: usize = 2 * SIDE - 1;

@@ -1,7 +1,8 @@
 //! Sums of products of two features at neighbouring lags, cell by cell.
 //!
-//! Every cell has a whole-pixel lag of its own (the guessed motion at its place), and its sum runs over
-//! the same pixels of the earlier feature for all lags around it: no window, no bias towards zero.
+//! Every cell has a whole-pixel lag of its own (the guessed motion at its place), and its sum runs
+//! over the same pixels of the earlier feature for all lags around it: no window, no bias towards
+//! zero.
 
 use super::feature::SCALE;
 use super::motion::Motion;
@@ -31,7 +32,8 @@ pub struct Side<'a> {
 
 /// Sums of products of one cell.
 pub struct Cell {
-    /// Σ earlier(x) later(x + lag + l) in units of the features' variance, l = −2 … 2 along every axis.
+    /// Σ earlier(x) later(x + lag + l) in units of the features' variance, l = −2 … 2 along every
+    /// axis.
     pub cube: Cube,
     /// The cell's whole-pixel lag.
     pub lag: [i64; 3],
@@ -118,7 +120,8 @@ fn regions(plan: &Plan, deeper: i64, step: usize, motion: Motion) -> Vec<Region>
     regions
 }
 
-/// The part of `range` from which every lag around `lag` stays within `border` and `size` − `border`.
+/// The part of `range` from which every lag around `lag` stays within `border` and `size` −
+/// `border`.
 fn overlap(range: Range<usize>, size: usize, border: usize, lag: i64) -> Range<usize> {
     let (border, reach, size) = (border as i64, REACH as i64, size as i64);
     let start = (range.start as i64).max(border).max(border + reach - lag);

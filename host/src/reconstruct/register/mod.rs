@@ -3,7 +3,8 @@
 //!
 //! ```text
 //! |U|(z, y, x) ── plan (blocks, cells) ── feature (soft logarithm, half-whitened)
-//! two features ── search (3-D FFT, no guess) ── lags (sums per cell) ── fit (shift + rotation) ── PairMotion
+//! feature ── sequence (the last good sweeps) ── two features
+//! two features ── search (3-D FFT, no guess) ── lags (sums per cell) ── fit ── PairMotion
 //! pairs ── judge (saccades, blinks) ── solve (weighted robust least squares) ── Motion per sweep
 //! ```
 //!
@@ -11,6 +12,8 @@
 //! neighbouring sweeps differ across the retina, and a complex correlation finds wrong depths.
 
 mod banded;
+#[cfg(test)]
+mod eye;
 mod feature;
 mod fit;
 mod judge;
@@ -20,13 +23,17 @@ mod motion;
 mod pair;
 mod plan;
 mod search;
+mod sequence;
 mod solve;
+#[cfg(test)]
+mod tests;
 mod whiten;
 
 pub use feature::Feature;
 pub use judge::judge;
 pub use motion::Motion;
 pub use pair::PairMotion;
+pub use sequence::Sequence;
 pub use solve::solve;
 
 use plan::Plan;
@@ -35,7 +42,8 @@ use whiten::Whiten;
 
 /// A pair whose [`PairMotion::quality`] reaches this shows the same retina.
 ///
-/// The best of some 10⁵ independent positions of unrelated sweeps stays below 5.5.
+/// Measured: the best of all positions of unrelated sweeps stays below 6 sigmas; retinas six sweeps
+/// apart whose field keeps 0.82 from sweep to sweep reach 16 and more.
 pub const MATCHED: f64 = 7.0;
 
 /// A candidate of this quality needs no comparison with others.
@@ -72,8 +80,8 @@ impl Registration {
 
     /// Motion of `later` relative to `earlier`.
     ///
-    /// With a `guess` (good to about 1 px) only its surroundings are looked at; without one, shifts up to half a
-    /// block are searched, which costs more than ten times as much.
+    /// With a `guess` (good to about 1 px) only its surroundings are looked at; without one, shifts
+    /// up to half a block are searched, which takes about three times as long.
     #[must_use]
     pub fn pair(&self, earlier: &Feature, later: &Feature, guess: Option<Motion>) -> PairMotion {
         let refine = |start| pair::refine(&self.plan, earlier, later, start);

@@ -12,7 +12,8 @@ const ROUNDS: usize = 4;
 const VOXELS: usize = 1_000_000;
 /// Displacement beyond a cell's own lag that calls for another round, px.
 const FAR: f64 = 1.1;
-/// Error of a shift along z, y, x for a quality of 1 between weakly correlated features, px; measured.
+/// Error of a shift along z, y, x for a quality of 1 between weakly correlated features, px;
+/// measured.
 const ERROR: [f64; 3] = [1.1, 1.25, 1.25];
 
 /// Motion of a later sweep relative to an earlier one.

@@ -63,7 +63,8 @@ impl Search {
             .collect()
     }
 
-    /// Lateral spectra (z, kx, ky) of the faded parts, the earlier as real, the later as imaginary part.
+    /// Lateral spectra (z, kx, ky) of the faded parts, the earlier as real, the later as imaginary
+    /// part.
     fn planes(&self, earlier: &[i16], later: &[i16]) -> Vec<Complex32> {
         let [rows, columns] = self.part;
         let corner = [(self.block[0] - rows) / 2, (self.block[1] - columns) / 2];

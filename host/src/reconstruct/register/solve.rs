@@ -14,8 +14,8 @@ type Pair = (usize, usize, PairMotion);
 
 /// Motions of all sweeps relative to the first good one; `None` for sweeps without a usable pair.
 ///
-/// Weighted least squares with Cauchy's weights, exact for rotations: sweep j seen from sweep i has moved by
-/// Mⱼ ∘ Mᵢ⁻¹.
+/// Weighted least squares with Cauchy's weights, exact for rotations: sweep j seen from sweep i has
+/// moved by Mⱼ ∘ Mᵢ⁻¹.
 #[must_use]
 pub fn solve(sweeps: usize, pairs: &[Pair]) -> Vec<Option<Motion>> {
     let good = judge(sweeps, pairs);
@@ -60,7 +60,8 @@ fn numbered(good: &[bool], first: usize) -> Vec<Option<usize>> {
     good.iter().enumerate().map(number).collect()
 }
 
-/// A pair's equation: residual, and its derivatives with respect to both sweeps' (dz, dy, dx, angle).
+/// A pair's equation: residual, and its derivatives with respect to both sweeps' (dz, dy, dx,
+/// angle).
 struct Equation {
     residual: [f64; 4],
     sides: [[[f64; 4]; 4]; 2],
@@ -72,7 +73,8 @@ fn equation(earlier: Motion, later: Motion, pair: Motion) -> Equation {
     let residual = [shift[0], shift[1], shift[2], seen.rotation_rad - pair.rotation_rad];
     let (sine, cosine) = seen.rotation_rad.sin_cos();
     let [y, x] = rotate(seen.rotation_rad, [earlier.shift[1], earlier.shift[2]]);
-    // The earlier shift is turned along: seen = later − R(angle) earlier, and dR/dangle (y, x) = (x, −y).
+    // The earlier shift is turned along: seen = later − R(angle) earlier, and dR/dangle (y, x) =
+    // (x, −y).
     let of_earlier = [
         [-1.0, 0.0, 0.0, 0.0],
         [0.0, -cosine, -sine, x],
@@ -152,5 +154,58 @@ fn accumulate(
                 }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn truth(sweep: usize) -> Motion {
+        let t = sweep as f64;
+        Motion {
+            shift: [t.sin(), 40.0 * (0.7 * t).sin(), 25.0 * t.cos()],
+            rotation_rad: 0.005 * (1.7 * t).sin(),
+        }
+    }
+
+    fn pair(i: usize, j: usize, motion: Motion) -> Pair {
+        let information =
+            std::array::from_fn(|p| std::array::from_fn(|q| f64::from(u8::from(p == q)) * 1e3));
+        (i, j, PairMotion { motion, quality: 50.0, correlation: 0.5, information })
+    }
+
+    fn pairs(sweeps: usize) -> Vec<Pair> {
+        let lags = |j: usize| (j.saturating_sub(4)..j).map(move |i| (i, j));
+        (1..sweeps).flat_map(lags).map(|(i, j)| pair(i, j, truth(i).to(truth(j)))).collect()
+    }
+
+    fn check(found: &[Option<Motion>], but: &[usize], tolerance: f64) {
+        for (sweep, found) in found.iter().enumerate() {
+            assert_eq!(found.is_none(), but.contains(&sweep), "sweep {sweep}");
+            let Some(found) = found else { continue };
+            let wrong = truth(0).to(truth(sweep)).to(*found);
+            assert!(wrong.shift.iter().all(|s| s.abs() < tolerance), "sweep {sweep}: {wrong:?}");
+        }
+    }
+
+    #[test]
+    fn rotations_and_large_shifts_compose_exactly() {
+        check(&solve(12, &pairs(12)), &[], 1e-9);
+    }
+
+    #[test]
+    fn a_wrong_pair_counts_little() {
+        let mut pairs = pairs(12);
+        pairs[9].2.motion.shift[1] += 5.0;
+        check(&solve(12, &pairs), &[], 0.01);
+    }
+
+    #[test]
+    fn a_sweep_without_a_match_has_no_motion() {
+        let mut pairs = pairs(8);
+        pairs.iter_mut().filter(|p| p.0 == 5 || p.1 == 5).for_each(|p| p.2.quality = 3.0);
+        check(&solve(8, &pairs), &[5], 1e-9);
+        assert_eq!(solve(2, &[]), [None, None]);
     }
 }

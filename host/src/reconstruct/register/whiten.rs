@@ -1,7 +1,8 @@
-//! Half-whitening: every lateral spatial frequency divided by the square root of its mean amplitude.
+//! Half-whitening: every lateral spatial frequency divided by the square root of its mean
+//! amplitude.
 //!
-//! Speckle carries its fine detail at low contrast; a correlation of raw amplitudes is broad and its
-//! peak uncertain. Two half-whitened volumes give what phase correlation calls a half-whitened
+//! Speckle carries its fine detail at low contrast; a correlation of raw amplitudes is broad and
+//! its peak uncertain. Two half-whitened volumes give what phase correlation calls a half-whitened
 //! cross-spectrum, F₁* F₂ / |F₁ F₂|^½, here with the amplitudes averaged over depths.
 
 use rayon::prelude::*;
@@ -127,7 +128,8 @@ impl Whiten {
         }
     }
 
-    /// Spectrum (kx, ky) of two planes without what is broad, as real and imaginary part; the second may be empty.
+    /// Spectrum (kx, ky) of two planes without what is broad, as real and imaginary part; the
+    /// second may be empty.
     fn spectrum(&self, desk: &mut Desk, first: &[f32], second: &[f32]) {
         let Desk { plane, turned, scratch, smooth, smoother } = desk;
         plane.fill(Complex32::ZERO);
