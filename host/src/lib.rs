@@ -19,6 +19,7 @@ pub mod lanes;
 pub mod looks;
 pub mod method;
 pub mod progress;
+pub mod reconstruct;
 pub mod report;
 pub mod series;
 pub mod simulate;

@@ -1,4 +1,5 @@
 //! Raw sweeps to the phase-carrying layers (paper lines 655–712).
 
+mod quantile;
 pub mod segment;
 pub mod sweeps;

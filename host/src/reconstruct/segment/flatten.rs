@@ -5,7 +5,7 @@
 
 use super::lateral;
 use super::volume::Volume;
-use crate::reconstruct::sweeps::quantile;
+use crate::reconstruct::quantile::quantile;
 use rayon::prelude::*;
 
 /// Tiles across the shorter side, and limits of their size in pixels.
@@ -74,8 +74,10 @@ impl Tiles {
     /// Field coordinates u, v of the middle of a tile.
     fn middle(&self, tile: usize) -> (f64, f64) {
         let along = |at: usize, count: usize| (2 * at + 1) as f64 / count as f64 - 1.0;
-        (along(tile % self.tile_columns, self.tile_columns),
-         along(tile / self.tile_columns, self.tile_rows))
+        (
+            along(tile % self.tile_columns, self.tile_columns),
+            along(tile / self.tile_columns, self.tile_rows),
+        )
     }
 
     /// Mean of all tiles, each shifted by its own amount (linear interpolation, zero outside).
@@ -105,8 +107,7 @@ impl Tiles {
 
     /// The second-order surface with the sharpest mean line.
     pub fn second_order(&self) -> Terms {
-        let tilts: Vec<i32> =
-            (-LARGEST_TILT..=LARGEST_TILT).step_by(TILT_STEP as usize).collect();
+        let tilts: Vec<i32> = (-LARGEST_TILT..=LARGEST_TILT).step_by(TILT_STEP as usize).collect();
         let mut grid: Vec<(f64, Terms)> = tilts
             .par_iter()
             .flat_map_iter(|&v| tilts.iter().map(move |&u| [f64::from(v), f64::from(u)]))

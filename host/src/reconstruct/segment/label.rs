@@ -18,7 +18,7 @@ const BETWEEN_SHARE: f64 = 0.5;
 /// Weight of a choice with nothing before it.
 const NOTHING_BEFORE: f64 = 0.2;
 /// How far a hint may be from the layer, in depth pixels.
-const HINT_PX: f64 = 4.0;
+const HINT_PX: f64 = 2.5;
 /// .. and relative, of the outer segments' length.
 const HINT_SHARE: f64 = 0.25;
 

@@ -106,12 +106,7 @@ pub fn segment(
 }
 
 /// Both surfaces, by ever closer searches around the coarse one.
-fn follow(
-    volume: Volume,
-    coarse: &[f32],
-    peaks: &[Peak],
-    choice: &Choice,
-) -> (Vec<f32>, Vec<f32>) {
+fn follow(volume: Volume, coarse: &[f32], peaks: &[Peak], choice: &Choice) -> (Vec<f32>, Vec<f32>) {
     let near = peaks[choice.isos].depth_px;
     let gap = peaks[choice.tips].depth_px - near;
     let last = choice.epithelium.map_or(gap, |at| peaks[at].depth_px - near);
@@ -181,7 +176,8 @@ fn brightness(band: &Band, surface: &[f32], profile: &Profile, search: &Search) 
                 let distance = depth + i as f32 - surface[at];
                 (from..=to).contains(&distance)
             };
-            let values = line.iter().enumerate().filter(|(i, value)| inside(*i) && value.is_finite());
+            let values =
+                line.iter().enumerate().filter(|(i, value)| inside(*i) && value.is_finite());
             values.map(|(_, value)| value - floor).sum()
         })
         .collect();

@@ -117,8 +117,8 @@ fn stretch_costs(
     let (mut dark, mut bright) = (LIGHT_PENALTY * units.noise, LIGHT_PENALTY * units.noise);
     for (m, cost) in costs.iter_mut().enumerate() {
         let image = start + m;
-        let is_bright = data.clipped[image]
-            || data.brightness[image] > BRIGHT_FACTOR * template.brightness[m];
+        let is_bright =
+            data.clipped[image] || data.brightness[image] > BRIGHT_FACTOR * template.brightness[m];
         let step = |known: bool| if known { LIGHT_COST * units.noise } else { units.cap };
         dark += step(data.dark[image]);
         bright += step(is_bright);

@@ -15,11 +15,11 @@ mod template;
 mod trace;
 mod verdict;
 
-pub(super) use scaled::quantile;
 pub use trace::Trace;
 pub use verdict::Verdict;
 
 use crate::error::{Error, Result};
+use crate::reconstruct::quantile::quantile;
 use align::{Units, align};
 use scaled::{Scaled, noise_of_repeat};
 use template::Template;
@@ -57,7 +57,7 @@ pub fn find(trace: &Trace, images_per_sweep: usize) -> Result<Vec<Sweep>> {
     let period = images_per_sweep;
     check(trace, period)?;
     let data = Scaled::new(trace, &noise_of_repeat(trace, period));
-    let whole = trace.images() % period == 0;
+    let whole = trace.images().is_multiple_of(period);
     let Some(run) = begin::quietest_run(&data, period) else {
         return Ok(verdict::by_light(trace, &data, &back_to_back(trace.images(), period), period));
     };
@@ -77,9 +77,8 @@ pub fn find(trace: &Trace, images_per_sweep: usize) -> Result<Vec<Sweep>> {
     }
     let template = begin::first_image(&data, &cycle, run[0]);
     let sweeps = refine(trace, &data, template);
-    let count = |wanted: fn(&Verdict) -> bool| {
-        sweeps.iter().filter(|sweep| wanted(&sweep.verdict)).count()
-    };
+    let count =
+        |wanted: fn(&Verdict) -> bool| sweeps.iter().filter(|sweep| wanted(&sweep.verdict)).count();
     let good = count(|verdict| *verdict == Verdict::Ok);
     let short = count(|verdict| matches!(verdict, Verdict::Short { .. }));
     if 2 * good < sweeps.len() || short > (sweeps.len() / 4).max(2) {
@@ -121,8 +120,7 @@ fn improved(
     let delays = || good.iter().map(|&start| median.fit(data, start, period).delay);
     let middle = DELAY_QUANTILES.map(|share| quantile(delays(), share)).iter().sum::<f64>() / 2.0;
     let template = median.centred(middle);
-    let misfit =
-        quantile(good.iter().map(|&start| template.fit(data, start, period).cost), 0.5);
+    let misfit = quantile(good.iter().map(|&start| template.fit(data, start, period).cost), 0.5);
     Some((template, Units::of_noise(misfit / period as f64, period)))
 }
 

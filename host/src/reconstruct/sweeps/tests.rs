@@ -79,8 +79,9 @@ impl Scene {
             spans.push((trace.images(), images));
             let power = 1.0 + 0.03 * (sweep as f64 / 7.0).sin();
             let delay = self.jitter * uniform(&mut state);
-            let tone: Vec<[f64; 2]> =
-                (0..CHANNELS).map(|_| [10.0 + 30.0 * uniform(&mut state), uniform(&mut state)]).collect();
+            let tone: Vec<[f64; 2]> = (0..CHANNELS)
+                .map(|_| [10.0 + 30.0 * uniform(&mut state), uniform(&mut state)])
+                .collect();
             for m in 0..images {
                 let pixels: Vec<u16> = (0..CHANNELS)
                     .flat_map(|channel| {
@@ -106,17 +107,24 @@ impl Scene {
         (trace, spans)
     }
 
-    /// Checks that all starts and lengths are found, for several seeds.
+    /// Checks that all starts and lengths are found, for some seeds.
     #[track_caller]
     fn is_found(&self, what: &str) {
-        for seed in 1..=2 {
+        self.is_found_with(what, 1..=2);
+    }
+
+    #[track_caller]
+    fn is_found_with(&self, what: &str, seeds: std::ops::RangeInclusive<u64>) {
+        for seed in seeds {
             let (trace, spans) = self.make(seed);
-            let sweeps = find(&trace, self.period).unwrap_or_else(|error| panic!("{what}: {error}"));
+            let sweeps =
+                find(&trace, self.period).unwrap_or_else(|error| panic!("{what}: {error}"));
             let found: Vec<(usize, usize)> =
                 sweeps.iter().map(|sweep| (sweep.first_image, sweep.images)).collect();
             assert_eq!(found, spans, "{what}, seed {seed}");
             for (at, sweep) in sweeps.iter().enumerate() {
-                let fault = self.faults.iter().find(|(place, _)| *place == at).map(|(_, fault)| fault);
+                let fault =
+                    self.faults.iter().find(|(place, _)| *place == at).map(|(_, fault)| fault);
                 let right = match fault {
                     None => sweep.verdict == Verdict::Ok,
                     Some(Fault::Short(images)) => {
@@ -154,7 +162,10 @@ fn cases() -> Vec<(&'static str, Vec<(usize, Fault)>)> {
         ("short, dark", vec![(5, Short(90)), (6, Dark)]),
         ("bright, short", vec![(5, Bright), (6, Short(90))]),
         ("short, bright", vec![(5, Short(90)), (6, Bright)]),
-        ("all of them", vec![(2, Bright), (7, Dark), (12, Short(37)), (17, Short(125)), (23, Short(9))]),
+        (
+            "all of them",
+            vec![(2, Bright), (7, Dark), (12, Short(37)), (17, Short(125)), (23, Short(9))],
+        ),
         ("dark, bright, short", vec![(10, Dark), (11, Bright), (12, Short(64))]),
         ("last dark", vec![(23, Dark)]),
     ]
@@ -192,6 +203,27 @@ fn noisy_groups() {
 fn camera_that_starts_up_to_one_image_late() {
     for (what, faults) in cases() {
         Scene { faults, jitter: 0.9, ..Scene::default() }.is_found(what);
+    }
+}
+
+#[test]
+fn faults_anywhere() {
+    for seed in 1..=24 {
+        let mut state = seed;
+        let mut choose = |count: usize| (uniform(&mut state) * count as f64) as usize;
+        let period = 64;
+        let mut faults: Vec<(usize, Fault)> = Vec::new();
+        for _ in 0..1 + choose(5) {
+            let fault = match choose(4) {
+                0 => Dark,
+                1 => Bright,
+                _ => Short(5 + choose(period - 5)),
+            };
+            faults.push((choose(40), fault));
+        }
+        let hump = [0.0, 0.5, 1.0][choose(3)];
+        let scene = Scene { period, sweeps: 40, faults, hump, ..Scene::default() };
+        scene.is_found_with("anywhere", seed..=seed);
     }
 }
 
