@@ -16,7 +16,7 @@
 //! | `lines`, `dispersion`, `sharpness`, `fringes`, `simplex` | the phase that blurs depth |
 //! | `spectrum` | counts to depth |
 //! | `register`, `resample` | how the eye moved, and the motion undone |
-//! | `mean`, `segment` | averaged volume and its surfaces |
+//! | `mean`, `segment`, `quantile` | averaged volume and its surfaces |
 //! | `jitter` | late starts of the camera |
 //! | `preparation`, `first_pass`, `analysis`, `second_pass`, `recording` | the order of work |
 //! | `findings`, `preview` | what is kept and shown of it |
@@ -39,6 +39,7 @@ pub mod mean;
 pub mod mirror;
 pub mod preparation;
 pub mod preview;
+mod quantile;
 pub mod recording;
 pub mod register;
 pub mod resample;

@@ -5,7 +5,7 @@
 
 use super::lateral;
 use super::volume::Volume;
-use crate::reconstruct::sweeps::quantile;
+use crate::reconstruct::quantile::quantile;
 use rayon::prelude::*;
 
 /// Tiles across the shorter side, and limits of their size in pixels.

@@ -18,7 +18,7 @@ const BETWEEN_SHARE: f64 = 0.5;
 /// Weight of a choice with nothing before it.
 const NOTHING_BEFORE: f64 = 0.2;
 /// How far a hint may be from the layer, in depth pixels.
-const HINT_PX: f64 = 4.0;
+const HINT_PX: f64 = 2.5;
 /// .. and relative, of the outer segments' length.
 const HINT_SHARE: f64 = 0.25;
 
@@ -45,14 +45,16 @@ pub(super) fn choose(
     };
     let place_fits =
         |at: usize| hint_px.is_none_or(|hint| (peaks[at].depth_px - hint).abs() < HINT_PX);
+    // A given length says which two are meant, whatever lies in between.
+    let between = if hints.outer_segment_um.is_some() { f64::INFINITY } else { BETWEEN_SHARE };
     let mut choices = Vec::new();
     for isos in (0..peaks.len()).filter(|&at| place_fits(at)) {
         for tips in (isos + 1..peaks.len()).filter(|&at| length_fits(distance(isos, at))) {
-            choices.push(scored(peaks, isos, tips, None));
+            choices.push(scored(peaks, isos, tips, None, between));
             for last in tips + 1..peaks.len() {
                 let um = distance(tips, last);
                 if (TIPS_TO_EPITHELIUM_UM[0]..TIPS_TO_EPITHELIUM_UM[1]).contains(&um) {
-                    choices.push(scored(peaks, isos, tips, Some(last)));
+                    choices.push(scored(peaks, isos, tips, Some(last), between));
                 }
             }
         }
@@ -60,14 +62,20 @@ pub(super) fn choose(
     choices.into_iter().flatten().max_by(|a, b| a.score.total_cmp(&b.score))
 }
 
-/// A choice with its score; none if something bright lies in between.
-fn scored(peaks: &[Peak], isos: usize, tips: usize, epithelium: Option<usize>) -> Option<Choice> {
+/// A choice with its score; none if something above `between` times its lowest peak is left out.
+fn scored(
+    peaks: &[Peak],
+    isos: usize,
+    tips: usize,
+    epithelium: Option<usize>,
+    between: f64,
+) -> Option<Choice> {
     let last = epithelium.unwrap_or(tips);
     let chosen = [Some(isos), Some(tips), epithelium];
     let heights = || chosen.iter().flatten().map(|&at| peaks[at].height);
     let lowest = heights().fold(f64::INFINITY, f64::min);
     let left_out = (isos..last).filter(|at| !chosen.contains(&Some(*at)));
-    if left_out.map(|at| peaks[at].height).any(|height| height > BETWEEN_SHARE * lowest) {
+    if left_out.map(|at| peaks[at].height).any(|height| height > between * lowest) {
         return None;
     }
     let count = heights().count() as f64;

@@ -1,5 +1,4 @@
-//! The surfaces at the two ends of the photoreceptor outer segments, from the mean intensity (paper
-//! lines 709-711).
+//! The surfaces at the two ends of the photoreceptor outer segments, from the mean intensity (paper lines 709-711).
 //!
 //! ```text
 //! mean volume ── tiles ─> coarse surface ─> mean A-line ── sharpened ─> peaks ─> which is which

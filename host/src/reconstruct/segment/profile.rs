@@ -4,7 +4,7 @@
 //! distance z − s(y, x), without interpolation, and so the mean is not blurred.
 
 use super::volume::{Band, Volume};
-use crate::reconstruct::sweeps::quantile;
+use crate::reconstruct::quantile::quantile;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
@@ -48,8 +48,12 @@ impl Bins {
     }
 
     fn add(&mut self, distance_px: f32, value: f32) {
-        let bin = (distance_px * FINE as f32).round() as i64 - self.first;
-        if let Some(sum) = usize::try_from(bin).ok().and_then(|bin| self.sums.get_mut(bin)) {
+        // A cast rounds towards 0, and in far less time than a call of `round`.
+        let place = distance_px * FINE as f32 - self.first as f32 + 0.5;
+        if place < 0.0 {
+            return;
+        }
+        if let Some(sum) = self.sums.get_mut(place as usize) {
             sum[0] += f64::from(value);
             sum[1] += 1.0;
         }
@@ -102,10 +106,11 @@ pub(super) fn of_band(band: &Band, surface: &[f32], from_px: f64, to_px: f64) ->
     let first = (from_px * FINE as f64).floor() as i64;
     let count = ((to_px - from_px) * FINE as f64).ceil() as usize + 1;
     of_rows(band.rows, first, count, |bins, y| {
-        for at in y * band.columns..(y + 1) * band.columns {
-            let (line, depth) = band.a_line(at);
+        let from = y * band.columns;
+        for (x, place) in surface[from..from + band.columns].iter().enumerate() {
+            let (line, depth) = band.a_line(from + x);
             for (i, value) in line.iter().enumerate().filter(|(_, value)| value.is_finite()) {
-                bins.add(depth + i as f32 - surface[at], *value);
+                bins.add(depth + i as f32 - place, *value);
             }
         }
     })

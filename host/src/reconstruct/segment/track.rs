@@ -131,7 +131,7 @@ fn likelihoods(
                 continue;
             }
             let value = value.clamp(0.0, limit);
-            let place = ((start + i as f32 - tables.first) * TABLE as f32).round() as i64 + reach;
+            let place = ((start + i as f32 - tables.first) * TABLE as f32 + 0.5) as i64 + reach;
             for (step, sum) in curve.iter_mut().enumerate() {
                 let entry = place - (step * (TABLE / STEPS_PER_PX)) as i64;
                 let entry = entry.clamp(0, tables.length as i64 - 1) as usize;
@@ -154,7 +154,7 @@ fn cheapest_steps(likelihood: &[f32], rows: usize, columns: usize, steps: usize)
         add_path(sum, row, cells(), penalty);
         add_path(sum, row, cells().rev(), penalty);
     });
-    // Columns in strips: one path per thread would leave nothing of the cache.
+    // A column is copied first: in place, every step would touch another page.
     let vertical: Vec<Vec<f32>> = (0..columns)
         .into_par_iter()
         .map(|x| {

@@ -1,8 +1,9 @@
 //! The first median sweep: a quiet run of sweeps, and where in its cycle a sweep begins.
 
 use super::align::{Units, align};
-use super::scaled::{Scaled, quantile};
+use super::scaled::Scaled;
 use super::template::Template;
+use crate::reconstruct::quantile::quantile;
 
 /// Sweeps of the quiet run at most: few, lest a lost image falls into it.
 const RUN_SWEEPS: usize = 8;
@@ -63,7 +64,7 @@ pub(super) fn first_image(data: &Scaled, cycle: &Template, run: usize) -> Templa
     let sweeps = data.images() / period;
     for regular in 1..=SEARCHED_SWEEPS.min(sweeps - 1) {
         let turn = turn_at(data, cycle, regular * period);
-        turns.push(turn_after_short(data, cycle, regular * period, turn));
+        turns.extend([turn, turn_after_short(data, cycle, regular * period, turn)]);
     }
     turns.push(turn_at(data, cycle, data.images() - period));
     let mut seen: Vec<usize> = Vec::new();
@@ -91,11 +92,17 @@ pub(super) fn first_image(data: &Scaled, cycle: &Template, run: usize) -> Templa
     cycle.rotated(finalists.get(best).copied().unwrap_or(0))
 }
 
+/// Factor that brings the period from image `at` on to the power of the cycle.
+fn power(data: &Scaled, cycle: &Template, at: usize) -> f32 {
+    let light: f32 = data.brightness[at..at + cycle.period()].iter().sum();
+    cycle.brightness.iter().sum::<f32>() / light.max(f32::MIN_POSITIVE)
+}
+
 /// Place in the cycle of image `at`, from the period that begins there.
 fn turn_at(data: &Scaled, cycle: &Template, at: usize) -> usize {
-    let period = cycle.period();
+    let (period, power) = (cycle.period(), power(data, cycle, at));
     let cost = |turn: usize| -> f64 {
-        (0..period).map(|m| f64::from(cycle.distance(data, at + m, (turn + m) % period))).sum()
+        (0..period).map(|m| cycle.distance(data, at + m, (turn + m) % period, power)).sum()
     };
     least_index((0..period).map(cost))
 }
@@ -103,10 +110,9 @@ fn turn_at(data: &Scaled, cycle: &Template, at: usize) -> usize {
 /// Place in the cycle of image 0, if a first sweep of 1 .. K images is followed by regular ones
 /// that have image `at` at place `turn`.
 fn turn_after_short(data: &Scaled, cycle: &Template, at: usize, turn: usize) -> usize {
-    let period = cycle.period();
+    let (period, power) = (cycle.period(), power(data, cycle, at));
     let back = |image: usize| (turn + at * period + image - at) % period;
-    let distance =
-        |image: usize, place: usize| f64::from(cycle.distance(data, image, place % period));
+    let distance = |image: usize, place: usize| cycle.distance(data, image, place % period, power);
     let regular = running((0..at).map(|image| distance(image, back(image))));
     let cost = |short: usize| -> f64 {
         let begin = back(short);

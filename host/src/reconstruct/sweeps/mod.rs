@@ -15,11 +15,11 @@ mod template;
 mod trace;
 mod verdict;
 
-pub(super) use scaled::quantile;
 pub use trace::Trace;
 pub use verdict::Verdict;
 
 use crate::error::{Error, Result};
+use crate::reconstruct::quantile::quantile;
 use align::{Units, align};
 use scaled::{Scaled, noise_of_repeat};
 use template::Template;
@@ -39,6 +39,13 @@ pub struct Sweep {
     pub power: f64,
 }
 
+/// Alignments with ever better median sweeps.
+const PASSES: usize = 3;
+/// Earliest and latest start, without outliers.
+const DELAY_QUANTILES: [f64; 2] = [0.02, 0.98];
+/// Least contrast of the median sweep, in units of the noise, to tell where it begins.
+const LEAST_CONTRAST: f64 = 0.5;
+
 impl Sweep {
     /// Can it be used?
     #[must_use]
@@ -46,13 +53,6 @@ impl Sweep {
         self.verdict == Verdict::Ok
     }
 }
-
-/// Alignments with ever better median sweeps.
-const PASSES: usize = 3;
-/// Earliest and latest start, without outliers.
-const DELAY_QUANTILES: [f64; 2] = [0.02, 0.98];
-/// Least contrast of the median sweep, in units of the noise, to tell where it begins.
-const LEAST_CONTRAST: f64 = 0.5;
 
 /// Finds the sweeps of `images_per_sweep` images in the order of the recording.
 ///
@@ -65,7 +65,7 @@ pub fn find(trace: &Trace, images_per_sweep: usize) -> Result<Vec<Sweep>> {
     let period = images_per_sweep;
     check(trace, period)?;
     let data = Scaled::new(trace, &noise_of_repeat(trace, period));
-    let whole = trace.images() % period == 0;
+    let whole = trace.images().is_multiple_of(period);
     let Some(run) = begin::quietest_run(&data, period) else {
         return Ok(verdict::by_light(trace, &data, &back_to_back(trace.images(), period), period));
     };

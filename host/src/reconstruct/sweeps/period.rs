@@ -1,8 +1,9 @@
 //! Whether the data repeat every K images, and what to suggest when they do not.
 
-use super::scaled::{Scaled, quantile};
+use super::scaled::{Scaled, median_change};
 use super::trace::Trace;
 use crate::error::{Error, Result};
+use crate::reconstruct::quantile::quantile;
 use num_complex::Complex;
 use rustfft::FftPlanner;
 
@@ -24,7 +25,7 @@ pub(super) fn check(trace: &Trace, data: &Scaled, period: usize) -> Result<()> {
         return Ok(());
     };
     let (given, better) = (unrest(data, period), unrest(data, other));
-    let refuted = if period % other == 0 {
+    let refuted = if period.is_multiple_of(other) {
         better < EQUALLY * given && unrest(data, other / 2) > CLEARLY * better
     } else {
         CLEARLY * better < given
@@ -58,10 +59,9 @@ fn wrong(found: usize, period: usize) -> Error {
     ))
 }
 
-/// Median difference of images `lag` apart.
+/// Usual change of images `lag` apart.
 fn unrest(data: &Scaled, lag: usize) -> f64 {
-    let pairs = data.images().saturating_sub(lag);
-    quantile((0..pairs).map(|image| f64::from(data.distance(image, image + lag))), 0.5)
+    median_change(data.images(), lag, |old, now, new| data.bend(old, now, new))
 }
 
 /// The shortest period with (nearly) the highest autocorrelation, apart from all that is slower

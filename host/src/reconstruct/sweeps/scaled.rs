@@ -1,6 +1,7 @@
 //! The trace in units of its noise, so that every group counts by what it can tell.
 
 use super::trace::Trace;
+use crate::reconstruct::quantile::quantile;
 
 /// Lanes of a vector register: the groups are padded to a multiple.
 pub(super) const LANES: usize = 8;
@@ -59,6 +60,13 @@ impl Scaled {
         &self.values[image * self.stride..][..self.stride]
     }
 
+    /// Mean square of 2 x(now) − x(old) − x(new), 6 where only noise differs.
+    pub fn bend(&self, old: usize, now: usize, new: usize) -> f32 {
+        let (old, now, new) = (self.image(old), self.image(now), self.image(new));
+        let each = old.iter().zip(now).zip(new);
+        each.map(|((old, now), new)| (2.0 * now - old - new).powi(2)).sum()
+    }
+
     /// Mean square difference of two images, 2 where only noise differs.
     pub fn distance(&self, a: usize, b: usize) -> f32 {
         self.image(a).iter().zip(self.image(b)).map(|(a, b)| (a - b) * (a - b)).sum()
@@ -67,25 +75,32 @@ impl Scaled {
 
 /// Noise of each group in DN, from images one period apart: the median is not moved by bad sweeps.
 pub(super) fn noise_of_repeat(trace: &Trace, period: usize) -> Vec<f64> {
-    let pairs = trace.images().saturating_sub(period);
-    let square = |channel: usize, image: usize| {
-        let difference = trace.image(image + period)[channel] - trace.image(image)[channel];
-        f64::from(difference).powi(2)
-    };
     (0..trace.channels())
         .map(|channel| {
-            let median = quantile((0..pairs).map(|image| square(channel, image)), 0.5);
-            (median / (2.0 * CHI2_MEDIAN)).sqrt()
+            let value = |image: usize| trace.image(image)[channel];
+            let median = median_change(trace.images(), period, |old, now, new| {
+                (2.0 * value(now) - value(old) - value(new)).powi(2)
+            });
+            (median / CHI2_MEDIAN).sqrt()
         })
         .collect()
 }
 
-/// The value below which `share` of the values lie; 0 of none.
-pub(in crate::reconstruct) fn quantile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
-    let mut values: Vec<f64> = values.collect();
-    if values.is_empty() {
-        return 0.0;
+/// Median over the recording of a `square` of x(n) − 2 x(n + lag) + x(n + 2 lag), per variance of x.
+///
+/// The second difference leaves out the slow change of power. With less than three periods the
+/// first difference must do.
+pub(super) fn median_change(
+    images: usize,
+    lag: usize,
+    square: impl Fn(usize, usize, usize) -> f32,
+) -> f64 {
+    let triples = images.saturating_sub(2 * lag);
+    if triples >= lag {
+        let of = |image| f64::from(square(image, image + lag, image + 2 * lag)) / 6.0;
+        return quantile((0..triples).map(of), 0.5);
     }
-    let index = ((values.len() - 1) as f64 * share).round() as usize;
-    *values.select_nth_unstable_by(index, f64::total_cmp).1
+    // x(n) − 2 x(n) + x(n + lag) is the first difference.
+    let of = |image| f64::from(square(image, image, image + lag)) / 2.0;
+    quantile((0..images.saturating_sub(lag)).map(of), 0.5)
 }

@@ -1,6 +1,7 @@
 //! What a sweep looks like, and how well a stretch of images fits its beginning.
 
-use super::scaled::{LANES, Scaled, quantile};
+use super::scaled::{LANES, Scaled};
+use crate::reconstruct::quantile::quantile;
 
 /// Slow change of power that a fit may take up, and its prior.
 const LARGEST_GAIN: f64 = 0.25;
@@ -126,10 +127,10 @@ impl Template {
         (0..self.stride).map(variance).sum()
     }
 
-    /// Mean square difference of image `image` and T(m).
-    pub fn distance(&self, data: &Scaled, image: usize, m: usize) -> f32 {
-        let level = self.image(m).0;
-        data.image(image).iter().zip(level).map(|(a, b)| (a - b) * (a - b)).sum()
+    /// Mean square difference of image `image` at another `power` and T(m).
+    pub fn distance(&self, data: &Scaled, image: usize, m: usize, power: f32) -> f64 {
+        let pairs = data.image(image).iter().zip(self.image(m).0);
+        f64::from(pairs.map(|(x, level)| (power * x - level).powi(2)).sum::<f32>())
     }
 
     /// How the `images` from `start` on fit images 0 .. of the sweep.

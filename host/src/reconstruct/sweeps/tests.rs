@@ -107,10 +107,15 @@ impl Scene {
         (trace, spans)
     }
 
-    /// Checks that all starts and lengths are found, for several seeds.
+    /// Checks that all starts and lengths are found, for some seeds.
     #[track_caller]
     fn is_found(&self, what: &str) {
-        for seed in 1..=2 {
+        self.is_found_with(what, 1..=2);
+    }
+
+    #[track_caller]
+    fn is_found_with(&self, what: &str, seeds: std::ops::RangeInclusive<u64>) {
+        for seed in seeds {
             let (trace, spans) = self.make(seed);
             let sweeps =
                 find(&trace, self.period).unwrap_or_else(|error| panic!("{what}: {error}"));
@@ -198,6 +203,27 @@ fn noisy_groups() {
 fn camera_that_starts_up_to_one_image_late() {
     for (what, faults) in cases() {
         Scene { faults, jitter: 0.9, ..Scene::default() }.is_found(what);
+    }
+}
+
+#[test]
+fn faults_anywhere() {
+    for seed in 1..=24 {
+        let mut state = seed;
+        let mut choose = |count: usize| (uniform(&mut state) * count as f64) as usize;
+        let period = 64;
+        let mut faults: Vec<(usize, Fault)> = Vec::new();
+        for _ in 0..1 + choose(5) {
+            let fault = match choose(4) {
+                0 => Dark,
+                1 => Bright,
+                _ => Short(5 + choose(period - 5)),
+            };
+            faults.push((choose(40), fault));
+        }
+        let hump = [0.0, 0.5, 1.0][choose(3)];
+        let scene = Scene { period, sweeps: 40, faults, hump, ..Scene::default() };
+        scene.is_found_with("anywhere", seed..=seed);
     }
 }
 

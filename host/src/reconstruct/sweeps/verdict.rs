@@ -5,6 +5,7 @@ use super::align::{Units, stretch_cost};
 use super::scaled::Scaled;
 use super::template::{Fit, Template};
 use super::trace::Trace;
+use crate::reconstruct::quantile::quantile;
 use std::fmt;
 
 /// A recording whose brightest image is below this share of full scale has no light.
@@ -86,8 +87,7 @@ pub(super) fn by_light(
     let spans = || bounds.windows(2).map(|span| (span[0], span[1]));
     let whole = spans().filter(|(from, to)| to - from == period);
     let usual =
-        super::quantile(whole.map(|(from, to)| f64::from(mean(&data.brightness[from..to]))), 0.5)
-            as f32;
+        quantile(whole.map(|(from, to)| f64::from(mean(&data.brightness[from..to]))), 0.5) as f32;
     spans()
         .map(|(from, to)| {
             let share = f64::from(mean(&trace.clipped()[from..to]));
