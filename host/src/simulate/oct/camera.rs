@@ -120,7 +120,7 @@ impl Camera {
         let mut words = [[0; QUADS]; 4];
         for i in 0..QUADS {
             let quad = self.noise.words((first + i) as u32, exposure.image, exposure.sweep);
-            (0..4).for_each(|k| words[k][i] = quad[k]);
+            words.iter_mut().zip(quad).for_each(|(words, word)| words[i] = word);
         }
         let mut normals = [0.0; LANES];
         for i in 0..QUADS {

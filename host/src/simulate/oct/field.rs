@@ -174,7 +174,7 @@ impl Field {
     #[inline(always)]
     fn point(&self, strip: &Strip, i: usize, look: &Appearance) -> Point {
         let place = look.pose.place([strip.y[i].into(), strip.x[i].into()]);
-        let from_middle = look.pose.from_middle(place);
+        let from_middle = look.pose.offset(place);
         let tilt = look.tilt_turns[0] * from_middle[0] + look.tilt_turns[1] * from_middle[1];
         let moved = if strip.moves[i] { look.elongation_turns } else { 0.0 };
         let turns = (tilt + moved) as f32;

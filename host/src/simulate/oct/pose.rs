@@ -41,7 +41,7 @@ impl Pose {
 
     /// Offset of an image point from the middle of the image.
     #[inline(always)]
-    pub fn from_middle(&self, [y, x]: [f64; 2]) -> [f64; 2] {
+    pub fn offset(&self, [y, x]: [f64; 2]) -> [f64; 2] {
         [y - self.middle[0], x - self.middle[1]]
     }
 }

@@ -114,11 +114,12 @@ impl<'a> Recorder<'a> {
         let (scene, geometry) = (&plan.scene, &plan.geometry);
         Ok(Self {
             plan,
-            tissue: Tissue::start(scene, geometry)?,
+            // The largest first: too much is refused at once.
             field: Field::new(scene, geometry)?,
+            counts: zeros(scene.pixels() * scene.images, "the images of a sweep")?,
             axial: Axial::new(geometry),
             camera: Camera::new(scene)?,
-            counts: zeros(scene.pixels() * scene.images, "the images of a sweep")?,
+            tissue: Tissue::start(scene, geometry)?,
         })
     }
 

@@ -265,7 +265,7 @@ impl OctScene {
         within("doppler_peak_px", self.doppler_peak_px, 0.0, 100.0)?;
         within("chirp_rad", self.chirp_rad, 0.0, 100.0)?;
         within("phase_tilt_rad", self.phase_tilt_rad, 0.0, 100.0)?;
-        within("start_jitter_images", self.start_jitter_images, 0.0, 4.0)?;
+        within("start_jitter_images", self.start_jitter_images, 0.0, 1.0)?;
         let special = self.saturated_sweeps + self.missing_sweeps + self.short_sweeps;
         let special = special + self.saccades + self.blink_sweeps;
         if 2 * special >= self.sweeps {

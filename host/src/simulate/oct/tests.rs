@@ -121,7 +121,7 @@ fn direct(plan: &Plan, tissue: &Tissue, t: usize, look: &Appearance) -> Vec<Vec<
     for strip in &tissue.strips {
         for i in (0..strip.x.len()).filter(|&i| strip.amplitude[i] != 0.0) {
             let place = look.pose.place([strip.y[i].into(), strip.x[i].into()]);
-            let from_middle = look.pose.from_middle(place);
+            let from_middle = look.pose.offset(place);
             let mut turns =
                 look.tilt_turns[0] * from_middle[0] + look.tilt_turns[1] * from_middle[1];
             turns += if strip.moves[i] { look.elongation_turns } else { 0.0 };
