@@ -240,7 +240,7 @@ fn dark_saturated_and_empty_recordings_are_refused() {
     let bench = small();
     let length = fs::metadata(bench.path("R/run.mraw")).unwrap().len() as usize;
     fs::write(bench.path("R/run.mraw"), vec![0; length]).unwrap();
-    refuse(&bench, &reconstruct("-o V.zarr"), 1, &["run.cihx", "dark"]);
+    refuse(&bench, &reconstruct("-o V.zarr"), 1, &["run.cihx", "no light"]);
     fs::write(bench.path("R/run.mraw"), vec![255; length]).unwrap();
     refuse(&bench, &reconstruct("-o V.zarr"), 1, &["run.cihx", "saturated"]);
 }

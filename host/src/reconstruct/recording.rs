@@ -77,7 +77,15 @@ impl Job<'_> {
         observer.prepared(&plan, memory);
         let work = self.open_work()?;
         let prepared_s = clock.seconds();
-        let (analysis, survey, passed_s) = self.first_pass(&plan, &work)?;
+        let (analysis, survey, passed_s) = match self.first_pass(&plan, &work) {
+            Ok(passed) => passed,
+            Err(kept @ Error::Kept(_)) => return Err(kept),
+            Err(error) => {
+                // It would fail again: there is nothing to go on with.
+                work.discard();
+                return Err(error);
+            }
+        };
         let analysed_s = clock.seconds() - prepared_s - passed_s;
         let seconds = [prepared_s, passed_s, analysed_s, 0.0];
         let name = self.name.to_owned();
