@@ -19,12 +19,15 @@ const LINES: usize = 24;
 /// The lateral high-pass: pixels to either side that are averaged.
 const REACH: usize = 10;
 
+/// Where a line was taken: sweep, y, x.
+pub type Place = (usize, usize, usize);
+
 /// Spectra with their places.
 pub struct Lines {
     /// (line, m), K samples each.
     pub spectra: Vec<f32>,
-    /// Of each line: sweep, y, x.
-    pub places: Vec<(usize, usize, usize)>,
+    /// Of each line.
+    pub places: Vec<Place>,
 }
 
 /// Lines of up to six of the sweeps (numbers into `all`), evenly spread.
@@ -45,7 +48,7 @@ pub fn read(
     let jobs: Vec<(usize, usize)> =
         chosen.flat_map(|sweep| rows.iter().map(move |&y| (sweep, y))).collect();
     let columns: Vec<usize> = spread(width, LINES).collect();
-    let parts: Vec<(Vec<f32>, Vec<(usize, usize, usize)>)> = jobs
+    let parts: Vec<Lines> = jobs
         .par_iter()
         .map(|&(sweep, y)| {
             progress::check()?;
@@ -58,12 +61,18 @@ pub fn read(
             let live = |&&x: &&usize| !dead[x];
             let columns: Vec<usize> = columns.iter().filter(live).copied().collect();
             let spectrum = |&x: &usize| (0..images).map(move |m| m * width + x);
-            let spectra = columns.iter().flat_map(|x| spectrum(x).map(|i| rest[i])).collect();
-            Ok((spectra, columns.iter().map(|&x| (sweep, y, x)).collect()))
+            Ok(Lines {
+                spectra: columns.iter().flat_map(|x| spectrum(x).map(|i| rest[i])).collect(),
+                places: columns.iter().map(|&x| (sweep, y, x)).collect(),
+            })
         })
         .collect::<Result<_>>()?;
-    let (spectra, places): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
-    Ok(Lines { spectra: spectra.concat(), places: places.concat() })
+    let mut all = Lines { spectra: Vec::new(), places: Vec::new() };
+    for part in parts {
+        all.spectra.extend(part.spectra);
+        all.places.extend(part.places);
+    }
+    Ok(all)
 }
 
 /// At most `count` of `0..length`, evenly spread, ends left out.
@@ -108,7 +117,7 @@ mod tests {
     fn source_and_smooth_fringes_go_and_speckle_stays() {
         let (images, width) = (16, 64);
         let light: Vec<f32> = (0..width).map(|x| 1.0 + 0.002 * x as f32).collect();
-        let speckle = |x: usize| if x % 2 == 0 { 40.0 } else { -40.0 };
+        let speckle = |x: usize| if x.is_multiple_of(2) { 40.0 } else { -40.0 };
         let counts: Vec<u16> = (0..images * width)
             .map(|i| {
                 let (m, x) = (i / width, i % width);

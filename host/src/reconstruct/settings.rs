@@ -96,7 +96,8 @@ mod tests {
 
     #[test]
     fn wrong_parameters_name_their_flag() {
-        let cases: [(&str, fn(&mut Settings)); 5] = [
+        type Change = fn(&mut Settings);
+        let cases: [(&str, Change); 5] = [
             ("--images 3", |s| s.images = 3),
             ("--wavelength-nm NaN", |s| s.wavelength_nm = f64::NAN),
             ("--bandwidth-nm 0", |s| s.bandwidth_nm = 0.0),

@@ -66,13 +66,12 @@ impl Scene {
         let mut spectrum = vec![0.0_f64; self.images];
         let coordinates: Vec<f64> =
             (0..self.images).map(|m| band_coordinate(m, self.images)).collect();
-        for layer in 0..LAYERS.len() {
+        for (layer, (_, brightness)) in LAYERS.iter().enumerate() {
             for scatterer in 0..SCATTERERS {
                 let counter = [line, layer as u32, scatterer, 0];
                 let [phase, place] = uniform(counter, self.seed);
                 let depth = self.depth(line, layer) + 1.5 * (place - 0.5);
-                let amplitude =
-                    self.fringe * LAYERS[layer].1 * (2.0 / f64::from(SCATTERERS)).sqrt();
+                let amplitude = self.fringe * brightness * (2.0 / f64::from(SCATTERERS)).sqrt();
                 let chirp = self.chirp * (depth - self.depth(line, 4));
                 for (value, q) in spectrum.iter_mut().zip(&coordinates) {
                     let bend = self.dispersion.phase(*q) + chirp * q * q;
