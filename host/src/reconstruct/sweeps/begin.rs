@@ -7,10 +7,13 @@ use crate::reconstruct::quantile::quantile;
 
 /// Sweeps of the quiet run at most: few, lest a lost image falls into it.
 const RUN_SWEEPS: usize = 8;
-/// A run must have this share of the usual light: dark sweeps are quiet, too.
+/// Every sweep of a run must have this share of the usual light: dark sweeps are quiet, too.
 const LIGHT_SHARE: f64 = 0.8;
-/// A run may have this share of clipped images: clipped sweeps are quiet, too.
+/// Every sweep of a run may have this share of clipped images: clipped sweeps are quiet, too.
 const CLIPPED_SHARE: f64 = 0.05;
+/// Neighbours in a run differ by no more than this times the quiet quarter of all neighbours: more
+/// than the camera's late starts do, less than a sweep out of place.
+const UNREST_FACTOR: f64 = 8.0;
 /// Sweeps at the beginning over which the first image is judged.
 const JUDGED_SWEEPS: usize = 8;
 /// Turns are judged by the whole recording when they differ by no more cuts than these.
@@ -19,28 +22,47 @@ const CLOSE_CUTS: f64 = 3.0;
 const SEARCHED_SWEEPS: usize = 4;
 
 /// Starts of the sweep-long stretches that differ least from one to the next.
+///
+/// Bad sweeps leave quiet runs of any length between them: the longest without one is taken, as
+/// starts of the camera differ less from the median of many. Of equally long ones the quietest wins.
 pub(super) fn quietest_run(data: &Scaled, period: usize) -> Option<Vec<usize>> {
-    let sweeps = data.images() / period;
-    let length = (sweeps / 3).clamp(2, RUN_SWEEPS);
-    if sweeps < 2 {
-        return None;
-    }
-    let pairs = data.images() - period;
-    let unrest = running((0..pairs).map(|image| f64::from(data.distance(image, image + period))));
+    let pairs = (data.images() + 1).checked_sub(2 * period)?;
+    let lit = lit_stretches(data, period);
+    let distance = |image| f64::from(data.distance(image, image + period));
+    let sums = running((0..data.images() - period).map(distance));
+    let unrest: Vec<Option<f64>> = (0..pairs)
+        .map(|start| {
+            (lit[start] && lit[start + period]).then(|| sums[start + period] - sums[start])
+        })
+        .collect();
+    let limit = UNREST_FACTOR * quantile(unrest.iter().copied().flatten(), 0.25);
+    let unrest_of_run = |start: usize, length: usize| -> Option<f64> {
+        let neighbours = unrest[start..].iter().step_by(period).take(length - 1);
+        neighbours.map(|unrest| unrest.filter(|&unrest| unrest <= limit)).sum()
+    };
+    let longest = (data.images() / period / 3).clamp(2, RUN_SWEEPS);
+    (2..=longest).rev().find_map(|length| {
+        let starts = 0..(data.images() + 1).saturating_sub(length * period);
+        let (_, start) = starts
+            .filter_map(|start| Some((unrest_of_run(start, length)?, start)))
+            .min_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some((0..length).map(|sweep| start + sweep * period).collect())
+    })
+}
+
+/// Whether the sweep-long stretch from each image on has the usual light, neither dark nor clipped.
+fn lit_stretches(data: &Scaled, period: usize) -> Vec<bool> {
     let light = running(data.brightness.iter().map(|&value| f64::from(value)));
     let clipped = running(data.clipped.iter().map(|&clipped| f64::from(u8::from(clipped))));
-    let starts = data.images() - length * period + 1;
-    let over = |sums: &[f64], start: usize, images: usize| sums[start + images] - sums[start];
-    let run = length * period;
-    let usual = quantile((0..starts).map(|start| over(&light, start, run)), 0.5);
-    let best = (0..starts)
-        .filter(|&start| over(&light, start, run) >= LIGHT_SHARE * usual)
-        .filter(|&start| over(&clipped, start, run) <= CLIPPED_SHARE * run as f64)
-        .min_by(|&a, &b| {
-            let [a, b] = [a, b].map(|start| over(&unrest, start, run - period));
-            a.total_cmp(&b)
-        })?;
-    Some((0..length).map(|sweep| best + sweep * period).collect())
+    let over = |sums: &[f64], start: usize| sums[start + period] - sums[start];
+    let starts = || 0..=data.images() - period;
+    let usual = quantile(starts().map(|start| over(&light, start)), 0.5);
+    starts()
+        .map(|start| {
+            over(&light, start) >= LIGHT_SHARE * usual
+                && over(&clipped, start) <= CLIPPED_SHARE * period as f64
+        })
+        .collect()
 }
 
 /// Sums of the values before each place.
