@@ -58,8 +58,7 @@ pub struct FirstPass<'a> {
     counts: SweepCounts,
     amplitude: Vec<f32>,
     features: VecDeque<(usize, Feature)>,
-    /// What is known so far.
-    pub state: State,
+    state: State,
 }
 
 impl<'a> FirstPass<'a> {
@@ -112,11 +111,12 @@ impl<'a> FirstPass<'a> {
     pub fn bytes(plan: &Preparation, height: usize, width: usize) -> u64 {
         let (pixels, grid) = (height * width, Grid::new(height, width));
         let counts = 2 * plan.images * pixels;
+        // Amplitudes and their mean; while the surfaces are found, copies of it instead of the counts.
         let volumes = 3 * 4 * plan.depths.len() * pixels;
-        let residuals = 3 * 4 * plan.images * grid.blocks();
+        let residuals = 4 * 4 * plan.images * grid.blocks();
         let registration = Registration::new(plan.depths.len(), height, width);
         let features = (NEIGHBOURS as u64 + 2) * registration.bytes_per_feature();
-        (counts + volumes + residuals) as u64 + features
+        (counts + volumes + residuals) as u64 + features + PROGRAM
     }
 
     /// All sweeps that are left. On interruption the state is that of the last finished sweep.
@@ -130,6 +130,12 @@ impl<'a> FirstPass<'a> {
             progress.advance(1)?;
         }
         Ok(())
+    }
+
+    /// What is known so far; all buffers are given back.
+    #[must_use]
+    pub fn into_state(self) -> State {
+        self.state
     }
 
     fn sweep(&mut self) -> Result<()> {
@@ -308,6 +314,9 @@ fn average(motions: &[(Motion, f64)]) -> Motion {
     }
     mean
 }
+
+/// The program itself with its transforms and the buffers of its threads, bytes.
+pub const PROGRAM: u64 = 40_000_000;
 
 /// Smallest side of an image that can be registered and segmented.
 pub const LEAST_SIDE: usize = 4 * BLOCK;

@@ -5,7 +5,7 @@
 //! leaves on average in depth is known and taken off the surfaces.
 
 use super::register::Motion;
-use super::resample::place;
+use super::resample::places;
 use crate::allocate::zeros;
 use crate::error::Result;
 use rayon::prelude::*;
@@ -100,9 +100,8 @@ struct Run {
 /// Where the pixels that a moved sweep shows lie in it, to the nearest pixel.
 fn runs(motion: &Motion, [height, width]: [usize; 2]) -> Vec<Run> {
     let mut runs: Vec<Run> = Vec::new();
-    for to in 0..height * width {
-        let pixel = [(to / width) as f64, (to % width) as f64];
-        let [y, x] = place(motion, [height, width], pixel).map(f64::round);
+    for (to, place) in places(motion, [height, width]).enumerate() {
+        let [y, x] = place.map(f64::round);
         let inside = y >= 0.0 && x >= 0.0 && y < height as f64 && x < width as f64;
         if !inside {
             continue;

@@ -156,12 +156,12 @@ impl Job<'_> {
         let progress = Progress::new("first pass", plan.sweeps.len() as u64);
         let outcome = pass.run(&progress);
         drop(progress);
+        let state = pass.into_state();
         if let Err(error) = outcome {
-            save(work, FIRST, &pass.state)?;
+            save(work, FIRST, &state)?;
             return Err(kept(error, work.folder()));
         }
         let passed_s = clock.seconds();
-        let state = pass.state;
         let format = self.raw.format();
         let size = [format.height, format.width];
         let fixed = state.fixed_fringes(&Grid::new(format.height, format.width));

@@ -24,9 +24,12 @@ pub fn undo_lateral(planes: &mut [Complex32], height: usize, width: usize, motio
     let [_, dy, dx] = motion.shift;
     let (alpha, beta) = (-(motion.rotation_rad / 2.0).tan(), motion.rotation_rad.sin());
     let [cy, cx] = centre([height, width]);
-    let first: Vec<f64> = (0..height).map(|y| dx + alpha * (y as f64 - cy) - alpha * dy).collect();
-    let second: Vec<f64> = (0..width).map(|x| dy + beta * (x as f64 - cx)).collect();
-    let third: Vec<f64> = (0..height).map(|y| alpha * (y as f64 - cy)).collect();
+    let kernels = |length: usize, offset: &dyn Fn(f64) -> f64| -> Vec<Kernel> {
+        (0..length).map(|i| Kernel::new(offset(i as f64))).collect()
+    };
+    let first = kernels(height, &|y| dx + alpha * (y - cy) - alpha * dy);
+    let second = kernels(width, &|x| dy + beta * (x - cx));
+    let third = kernels(height, &|y| alpha * (y - cy));
     let seen = seen(height, width, motion);
     planes.par_chunks_exact_mut(height * width).for_each(|plane| {
         let mut line = vec![Complex32::default(); width + 2 * TAPS];
@@ -62,32 +65,37 @@ fn centre(size: [usize; 2]) -> [f64; 2] {
 /// Pixels of sweep 0 that lie in the image of the moved sweep.
 fn seen(height: usize, width: usize, motion: &Motion) -> Vec<bool> {
     let inside = |value: f64, length: usize| value >= 0.0 && value <= (length - 1) as f64;
-    (0..height * width)
-        .map(|i| {
-            let [y, x] = place(motion, [height, width], [(i / width) as f64, (i % width) as f64]);
-            inside(y, height) && inside(x, width)
-        })
-        .collect()
+    let pixels = places(motion, [height, width]);
+    pixels.map(|[y, x]| inside(y, height) && inside(x, width)).collect()
 }
 
-/// Read every row at x + offset(row).
-fn shear_rows(plane: &mut [Complex32], width: usize, offsets: &[f64], line: &mut [Complex32]) {
-    for (row, &offset) in plane.chunks_exact_mut(width).zip(offsets) {
-        let Kernel { whole, taps } = Kernel::new(offset);
+/// [`place`] of all pixels (y, x) in order: along a row it moves on by the same step.
+pub fn places(motion: &Motion, size: [usize; 2]) -> impl Iterator<Item = [f64; 2]> {
+    let row = move |y: usize| {
+        let at = |x: f64| place(motion, size, [y as f64, x]);
+        let (start, next) = (at(0.0), at(1.0));
+        let step = [next[0] - start[0], next[1] - start[1]];
+        (0..size[1]).map(move |x| [0, 1].map(|i| start[i] + x as f64 * step[i]))
+    };
+    (0..size[0]).flat_map(row)
+}
+
+/// Read every row at x + the offset of its kernel.
+fn shear_rows(plane: &mut [Complex32], width: usize, kernels: &[Kernel], line: &mut [Complex32]) {
+    for (row, Kernel { whole, taps }) in plane.chunks_exact_mut(width).zip(kernels) {
         for (i, value) in line.iter_mut().enumerate() {
-            let source = i as isize - BEFORE + whole;
+            let source = i as isize - BEFORE + *whole;
             let inside = usize::try_from(source).ok().and_then(|source| row.get(source));
             *value = inside.copied().unwrap_or_default();
         }
         for (value, window) in row.iter_mut().zip(line.windows(TAPS)) {
-            *value = window.iter().zip(&taps).map(|(u, &tap)| *u * tap).sum();
+            *value = window.iter().zip(taps).map(|(u, &tap)| *u * tap).sum();
         }
     }
 }
 
-/// Read every column at y + offset(column).
-fn shear_columns(plane: &mut [Complex32], height: usize, width: usize, offsets: &[f64]) {
-    let kernels: Vec<Kernel> = offsets.iter().map(|&offset| Kernel::new(offset)).collect();
+/// Read every column at y + the offset of its kernel.
+fn shear_columns(plane: &mut [Complex32], height: usize, width: usize, kernels: &[Kernel]) {
     let source = plane.to_vec();
     plane.fill(Complex32::default());
     for (y, row) in plane.chunks_exact_mut(width).enumerate() {

@@ -4,6 +4,7 @@
 use super::analysis::Analysis;
 use super::background::Grid;
 use super::counts::SweepCounts;
+use super::first_pass::PROGRAM;
 use super::preparation::Preparation;
 use super::resample::{place, undo_lateral};
 use super::spectrum::{Direction, Input, Transform};
@@ -64,7 +65,7 @@ impl<'a> SecondPass<'a> {
     pub fn bytes(images: usize, depth: usize, height: usize, width: usize) -> u64 {
         let pixels = height * width;
         let fixed = 4 * images * Grid::new(height, width).blocks();
-        (2 * images * pixels + 12 * depth * pixels + fixed + 4 * pixels) as u64
+        (2 * images * pixels + 12 * depth * pixels + fixed + 4 * pixels) as u64 + PROGRAM
     }
 
     /// Reconstruct and write the sweeps from `first` on; `done` is told after each.
