@@ -119,7 +119,8 @@ fn what_is_no_recording_is_refused() {
     save_bytes(&bench.path("nan.npy"), "<f4", &[2, 20, 64], &spectra);
     for (line, status, words) in [
         ("flat.npy -o V.zarr", 1, &["flat.npy", "[20, 64]", "axes"][..]),
-        ("few.npy -o V.zarr", 1, &["few.npy", "3 A-lines", "--background volume"]),
+        ("few.npy -o V.zarr", 1, &["few.npy", "6 A-lines"]),
+        ("few.npy --background bscan -o V.zarr", 1, &["3 A-lines", "--background volume"]),
         ("dark.npy -o V.zarr", 1, &["no light"]),
         ("nan.npy -o V.zarr", 1, &["nan.npy", "sample 20 of A-line 0 in B-scan 1", "NaN"]),
         ("complex.npy -o V.zarr", 1, &["complex.npy", "complex64"]),

@@ -41,7 +41,7 @@ pub fn band_coordinate(m: usize, images: usize) -> f64 {
 pub struct Estimate {
     /// The sharpest correction's phase.
     pub dispersion: Dispersion,
-    /// Sharpness N sum I^2 / (sum I)^2 without a correction, over the N pixels looked at.
+    /// Sharpness <I^1.5> / <I>^1.5 of the depths looked at without a correction, mean of the lines.
     pub sharpness_before: f64,
     /// The same with the correction.
     pub sharpness_after: f64,
@@ -202,7 +202,7 @@ fn is_near_zero(dispersion: Dispersion) -> bool {
 /// The sharpest dispersion of all, or near `start`.
 fn search(lines: &Lines, start: Option<Dispersion>) -> Result<Estimate> {
     let before = lines.sharpness(Dispersion::default());
-    if !before.is_finite() {
+    if !(before.is_finite() && before > 0.0) {
         return Err(Error::failed("dispersion: no light at these depths, the spectra are empty"));
     }
     let (first, tried) = start.map_or_else(|| best_of_grid(lines), |start| (start, 0));

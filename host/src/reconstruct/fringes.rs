@@ -17,22 +17,40 @@ const STEADY: f64 = 0.5;
 /// Half width of a fringe, pixels: the main lobe of the usual windows.
 const LOBE: usize = 3;
 
-/// `lines` without the fixed fringes of `raw`, the same lines before their mean was removed; none
-/// where there are no such fringes.
+/// `lines` with the depths of fixed fringes replaced by others; none where there are no such
+/// fringes.
+///
+/// The marks are found in `raw`, the same lines before their mean was removed. Depths set to zero
+/// would be a sharp feature of their own: they get the light of their surroundings.
 pub(crate) fn removed(lines: &Lines, raw: &Lines) -> Option<Lines> {
     let images = lines.images();
     let marked = marked(&raw.uncorrected(), images);
-    if !marked.contains(&true) {
-        return None;
-    }
+    let sources = sources(&marked)?;
     let mut depths = lines.uncorrected();
     for line in depths.chunks_exact_mut(images) {
-        let hidden = line.iter_mut().zip(&marked).filter(|(_, marked)| **marked);
-        hidden.for_each(|(value, _)| *value = Complex32::default());
+        let light: Vec<Complex32> = sources.iter().map(|&source| line[source]).collect();
+        for (z, value) in light.into_iter().enumerate().skip(1) {
+            line[z] = value;
+            line[images - z] = value.conj();
+        }
     }
     FftPlanner::new().plan_fft_inverse(images).process(&mut depths);
     let scale = 1.0 / images as f32;
     Some(lines.with_spectra(depths.iter().map(|value| value.re * scale).collect()))
+}
+
+/// For every positive depth the one whose light it gets: its own, or the next unmarked one in steps
+/// of a fringe's width. None where nothing is marked, or too much.
+fn sources(marked: &[bool]) -> Option<Vec<usize>> {
+    let half = marked.len() / 2;
+    if !marked.contains(&true) {
+        return None;
+    }
+    let next = |z: usize| {
+        let behind = (z..half).step_by(2 * LOBE).find(|&z| !marked[z]);
+        behind.or_else(|| (0..=z).rev().step_by(2 * LOBE).find(|&z| !marked[z]))
+    };
+    (0..half).map(next).collect()
 }
 
 /// The depths of fringes, positive and negative, with their neighbours.

@@ -27,11 +27,12 @@ const FEWEST_LINES: usize = 16;
 /// Which mean is taken for the background.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Background {
-    /// Of each B-scan: follows a drifting source, takes flat layers for background
-    #[default]
-    Bscan,
     /// Of the whole volume
+    #[default]
     Volume,
+    /// Of each B-scan: follows a drifting source, but a bright reflection in one A-line leaves a
+    /// faint line across the B-scan
+    Bscan,
 }
 
 /// How dispersion is found.
@@ -308,7 +309,7 @@ fn median_gain(bscans: &[Moments], recorded: &[Moments]) -> f64 {
 /// The mean of the volume where that is asked for.
 fn background(file: &SpectraFile, background: Background) -> Result<Option<Vec<f64>>> {
     let (lines, all) = match background {
-        Background::Bscan => (file.lines, "--background volume takes all B-scans together"),
+        Background::Bscan => (file.lines, "take --background volume"),
         Background::Volume => (file.lines * file.bscans, "record more"),
     };
     if lines < FEWEST_LINES {
