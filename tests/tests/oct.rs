@@ -303,3 +303,19 @@ fn a_run_log_gives_the_times() {
     let (_, truth) = npy::load_f64(&bench.path("R/phase.npy"));
     assert_eq!(fs::read_to_string(bench.path("C.csv")).unwrap().lines().count(), truth.len() + 1);
 }
+
+/// A camera that begins late and a fringe that repeats every 8 images: neither 8 nor another number
+/// passes for a sweep.
+#[test]
+fn fringes_within_a_sweep_are_no_period() {
+    let bench = Bench::new();
+    let scene =
+        "--preset human --sweeps 16 --height 40 --width 64 --seed 2 --set start_jitter_images=1";
+    let _ = bench.succeed(&format!("simulate oct {scene} -o R"));
+    for wrong in ["128", "512"] {
+        let line = reconstruct("-o V.zarr").replace("--images 256", &format!("--images {wrong}"));
+        refuse(&bench, &line, 1, &["every 256", &format!("not every {wrong}")]);
+    }
+    let facts = bench.summary(&reconstruct("--no-pictures -o V.zarr"));
+    assert_eq!(facts["sweeps"], 16);
+}

@@ -21,15 +21,10 @@ const EQUALLY: f64 = 1.5;
 
 /// Refuses a K that is not the period of the data, or several periods.
 pub(super) fn check(trace: &Trace, data: &Scaled, period: usize) -> Result<()> {
-    let Some(other) = found(trace, 2 * period).filter(|&other| other != period) else {
+    let Some(other) = found(trace, data, 2 * period).filter(|&other| other != period) else {
         return Ok(());
     };
     let (given, better) = (unrest(data, period), unrest(data, other));
-    // A fixed fringe repeats within a sweep, too, but the source's spectrum does not follow it far.
-    let multiple = other * (period / (2 * other)).max(1);
-    if unrest(data, multiple) > CLEARLY * better {
-        return Ok(());
-    }
     let refuted = if period.is_multiple_of(other) {
         better < EQUALLY * given && unrest(data, other / 2) > CLEARLY * better
     } else {
@@ -46,7 +41,7 @@ pub(super) fn not_repeating(
     good: usize,
     sweeps: usize,
 ) -> Error {
-    match found(trace, 2 * period) {
+    match found(trace, data, 2 * period) {
         Some(other) if other != period && unrest(data, other) < unrest(data, period) => {
             wrong(other, period)
         }
@@ -70,8 +65,8 @@ fn unrest(data: &Scaled, lag: usize) -> f64 {
 }
 
 /// The shortest period with (nearly) the highest autocorrelation, apart from all that is slower
-/// than `window` images.
-fn found(trace: &Trace, window: usize) -> Option<usize> {
+/// than `window` images, that its multiples within `window` confirm.
+fn found(trace: &Trace, data: &Scaled, window: usize) -> Option<usize> {
     let images = trace.images().min(IMAGES);
     let longest = images / 2;
     if longest <= SHORTEST {
@@ -83,10 +78,18 @@ fn found(trace: &Trace, window: usize) -> Option<usize> {
     let rises = (1..longest).find(|&lag| unbiased[lag] > unbiased[lag - 1])?;
     let from = rises.max(SHORTEST);
     let highest = unbiased[from..].iter().copied().fold(0.0, f64::max);
-    (from..longest - 1).find(|&lag| {
+    let peak = |&lag: &usize| {
         let value = unbiased[lag];
         value > PEAK_SHARE * highest && value >= unbiased[lag - 1] && value >= unbiased[lag + 1]
-    })
+    };
+    (from..longest - 1).filter(peak).find(|&lag| repeats(data, lag, window))
+}
+
+/// A fixed fringe repeats within a sweep, too, but the source's spectrum does not follow it far.
+fn repeats(data: &Scaled, lag: usize, window: usize) -> bool {
+    let usual = CLEARLY * unrest(data, lag);
+    let multiples = (2..=window / lag).map(|n| n * lag).take_while(|far| 2 * far < data.images());
+    multiples.into_iter().all(|far| unrest(data, far) <= usual)
 }
 
 /// Sum over the groups of the autocorrelation, each group normalised and without outliers.
