@@ -84,7 +84,15 @@ pub fn find(trace: &Trace, images_per_sweep: usize) -> Result<Vec<Sweep>> {
         return Ok(verdict::judge(trace, &data, &first, &bounds));
     }
     let template = begin::first_image(&data, &cycle, run[0]);
-    let sweeps = refine(trace, &data, template);
+    let mut sweeps = refine(trace, &data, template);
+    if whole {
+        // Late starts of the camera blur the template: cuts must pay in sweeps that can be used.
+        let placed = verdict::judge(trace, &data, &first, &back_to_back(trace.images(), period));
+        let usable = |sweeps: &[Sweep]| sweeps.iter().filter(|sweep| sweep.is_ok()).count();
+        if usable(&placed) >= usable(&sweeps) {
+            sweeps = placed;
+        }
+    }
     let count =
         |wanted: fn(&Verdict) -> bool| sweeps.iter().filter(|sweep| wanted(&sweep.verdict)).count();
     let good = count(|verdict| *verdict == Verdict::Ok);
