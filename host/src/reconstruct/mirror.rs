@@ -19,6 +19,8 @@ const DEGREE: usize = 5;
 const FEWEST_FRINGES: usize = 16;
 /// Peak against the median of the depths that a fringe has at least.
 const LEAST_PEAK: f64 = 20.0;
+/// Peak against the sum over the spectrum, where rounding is all that stands out.
+const LEAST_SHARE: f64 = 1e-4;
 
 /// Where two mirrors stood.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -162,10 +164,10 @@ fn peak(spectrum: &[f64]) -> Result<usize> {
     sorted.sort_by(f64::total_cmp);
     let brightest = sorted[sorted.len() - 1];
     let place = amplitudes.iter().position(|&amplitude| amplitude == brightest);
+    let light: f64 = spectrum.iter().map(|value| value.abs()).sum();
+    let least = (LEAST_PEAK * sorted[sorted.len() / 2]).max(LEAST_SHARE * light);
     match place {
-        Some(place) if brightest > LEAST_PEAK * sorted[sorted.len() / 2] => {
-            Ok(place + FEWEST_FRINGES)
-        }
+        Some(place) if brightest > least => Ok(place + FEWEST_FRINGES),
         _ => Err(Error::failed(
             "a mirror spectrum shows no fringe that stands out: is it one, of a mirror in focus?",
         )),
@@ -251,6 +253,7 @@ mod tests {
         let refused =
             |mirrors: &[Vec<f64>], sides| wavenumber(mirrors, sides).unwrap_err().to_string();
         assert!(refused(&[vec![0.0; IMAGES]], None).contains("no fringe"));
+        assert!(refused(&[vec![1.0; IMAGES]], None).contains("no fringe"));
         assert!(refused(&[vec![f64::NAN; IMAGES]], None).contains("finite"));
         assert!(refused(&[vec![1.0; 100]], None).contains("100 samples"));
         assert!(refused(&[], None).contains("one mirror spectrum or two"));

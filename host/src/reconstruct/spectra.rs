@@ -303,7 +303,7 @@ fn median_gain(bscans: &[Moments], recorded: &[Moments]) -> f64 {
     let ratio = |(after, before): (&Moments, &Moments)| after.sharpness() / before.sharpness();
     let mut gains: Vec<f64> = bscans.iter().zip(recorded).map(ratio).collect();
     gains.sort_by(f64::total_cmp);
-    gains[gains.len() / 2]
+    0.5 * (gains[(gains.len() - 1) / 2] + gains[gains.len() / 2])
 }
 
 /// The mean of the volume where that is asked for.

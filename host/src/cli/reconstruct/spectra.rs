@@ -81,7 +81,8 @@ pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     }
     let mirrors = options.mirrors(file.images)?;
     let settings = options.settings(arguments, mirrors.as_ref())?;
-    let volume = SpectraVolume::prepare(file, &settings)?;
+    let volume = SpectraVolume::prepare(file, &settings);
+    let volume = volume.map_err(|error| error.about(&arguments.recording))?;
     let facts = facts(arguments, &volume, mirrors.as_ref());
     let attributes = attributes(arguments, &facts, depth_px_um);
     let group = write(&volume, &arguments.output, attributes)?;
