@@ -1,5 +1,6 @@
 //! The errors of the OCT reconstruction on simulated recordings, several seeds each:
-//! `cargo run --release -p phasewalk-tests --example oct_table -- [SEEDS] [PRESET ...]`.
+//! `cargo run --release -p phasewalk-tests --example oct_table -- [SEEDS] [PRESET ...]`, where a preset
+//! may have options of `simulate oct` behind it in the same argument.
 
 use phasewalk_tests::oct::{Scores, score};
 use phasewalk_tests::program::Bench;
@@ -9,7 +10,8 @@ fn main() {
     let seeds: u64 = arguments.next().and_then(|n| n.parse().ok()).unwrap_or(5);
     let mut presets: Vec<String> = arguments.collect();
     if presets.is_empty() {
-        presets = ["easy", "medium", "faulty", "human"].map(str::to_owned).to_vec();
+        let all = ["easy", "medium", "faulty", "human", "human --sweeps 24"];
+        presets = all.map(str::to_owned).to_vec();
     }
     println!(
         "| preset | seed | a2 / a3, rad | dz dy dx, px | rotation, mrad | IS/OS / tips, px | curve, paper | \
