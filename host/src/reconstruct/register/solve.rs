@@ -1,4 +1,4 @@
-//! Motions of all sweeps from the motions between pairs of them.
+//! Motions of all sweeps from the motions between pairs of them (paper lines 707-709).
 
 use super::banded::Banded;
 use super::judge::{judge, usable};

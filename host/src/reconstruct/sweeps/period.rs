@@ -65,7 +65,7 @@ fn unrest(data: &Scaled, lag: usize) -> f64 {
 }
 
 /// The shortest period with (nearly) the highest autocorrelation, apart from all that is slower
-/// than `window` images, that its multiples within `window` confirm.
+/// than `window` images, that its multiples within half of it confirm.
 fn found(trace: &Trace, data: &Scaled, window: usize) -> Option<usize> {
     let images = trace.images().min(IMAGES);
     let longest = images / 2;
@@ -82,13 +82,14 @@ fn found(trace: &Trace, data: &Scaled, window: usize) -> Option<usize> {
         let value = unbiased[lag];
         value > PEAK_SHARE * highest && value >= unbiased[lag - 1] && value >= unbiased[lag + 1]
     };
-    (from..longest - 1).filter(peak).find(|&lag| repeats(data, lag, window))
+    (from..longest - 1).filter(peak).find(|&lag| repeats(data, lag, window / 2))
 }
 
 /// A fixed fringe repeats within a sweep, too, but the source's spectrum does not follow it far.
-fn repeats(data: &Scaled, lag: usize, window: usize) -> bool {
+/// Looked at is no farther than the number of images that was given: the power drifts.
+fn repeats(data: &Scaled, lag: usize, given: usize) -> bool {
     let usual = CLEARLY * unrest(data, lag);
-    let multiples = (2..=window / lag).map(|n| n * lag).take_while(|far| 2 * far < data.images());
+    let multiples = (2..=given / lag).map(|n| n * lag).take_while(|far| 2 * far < data.images());
     multiples.into_iter().all(|far| unrest(data, far) <= usual)
 }
 
