@@ -86,11 +86,14 @@ fn found(trace: &Trace, data: &Scaled, window: usize) -> Option<usize> {
 }
 
 /// A fixed fringe repeats within a sweep, too, but the source's spectrum does not follow it far.
-/// Looked at is no farther than the number of images that was given: the power drifts.
+/// Looked at is no farther than the number of images that was given: the power drifts, and its bend
+/// grows with the square of the distance (allowed for over a few repeats).
 fn repeats(data: &Scaled, lag: usize, given: usize) -> bool {
     let usual = CLEARLY * unrest(data, lag);
-    let multiples = (2..=given / lag).map(|n| n * lag).take_while(|far| 2 * far < data.images());
-    multiples.into_iter().all(|far| unrest(data, far) <= usual)
+    let drift = |n: usize| n.pow(2).min(9) as f64;
+    (2..=given / lag)
+        .take_while(|n| 2 * n * lag < data.images())
+        .all(|n| unrest(data, n * lag) <= drift(n) * usual)
 }
 
 /// Sum over the groups of the autocorrelation, each group normalised and without outliers.
