@@ -9,8 +9,9 @@ use rayon::prelude::*;
 
 /// Starts whose costs are computed side by side.
 const BLOCK: usize = 128;
-/// A cut must save this share of a whole sweep's noise.
-const CUT_SHARE: f64 = 0.25;
+/// A cut must save the noise of this many whole sweeps: late starts alone change a sweep's misfit by
+/// that of one, and two cuts would turn a late sweep into one image and the rest.
+const CUT_SHARE: f64 = 2.0;
 /// Cost of an image of a dark or bright sweep, which has no noise to go by, in units of the noise.
 const LIGHT_COST: f32 = 1.5;
 /// Cost of calling a sweep dark or bright.
@@ -39,7 +40,7 @@ impl Units {
         Self { noise: 1.0, cap, cut: CUT_SHARE * template.period() as f64 }
     }
 
-    /// With the usual misfit of an image, all slow changes included.
+    /// With the misfit of an image in nearly all sweeps, all slow changes and late starts included.
     pub fn of_noise(noise: f64, period: usize) -> Self {
         let noise = noise.max(0.1);
         let cap = (CAP_NOISE * noise) as f32;

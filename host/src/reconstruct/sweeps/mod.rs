@@ -39,10 +39,14 @@ pub struct Sweep {
     pub power: f64,
 }
 
-/// Alignments with ever better median sweeps.
-const PASSES: usize = 3;
+/// Alignments with ever better median sweeps, at most.
+const PASSES: usize = 8;
 /// Earliest and latest start, without outliers.
 const DELAY_QUANTILES: [f64; 2] = [0.02, 0.98];
+/// So many short sweeps are nothing special.
+const FEW_SHORT: usize = 2;
+/// Good sweeps whose misfit is not above what is called usual.
+const USUAL_SHARE: f64 = 0.9;
 /// Least contrast of the median sweep, in units of the noise, to tell where it begins.
 const LEAST_CONTRAST: f64 = 0.5;
 
@@ -84,23 +88,40 @@ pub fn find(trace: &Trace, images_per_sweep: usize) -> Result<Vec<Sweep>> {
         return Ok(verdict::judge(trace, &data, &first, &bounds));
     }
     let template = begin::first_image(&data, &cycle, run[0]);
-    let mut sweeps = refine(trace, &data, template);
-    if whole {
-        // Late starts of the camera blur the template: cuts must pay in sweeps that can be used.
-        let placed = verdict::judge(trace, &data, &first, &back_to_back(trace.images(), period));
-        let usable = |sweeps: &[Sweep]| sweeps.iter().filter(|sweep| sweep.is_ok()).count();
-        if usable(&placed) >= usable(&sweeps) {
-            sweeps = placed;
-        }
-    }
-    let count =
-        |wanted: fn(&Verdict) -> bool| sweeps.iter().filter(|sweep| wanted(&sweep.verdict)).count();
-    let good = count(|verdict| *verdict == Verdict::Ok);
-    let short = count(|verdict| matches!(verdict, Verdict::Short { .. }));
-    if 2 * good < sweeps.len() || short > (sweeps.len() / 4).max(2) {
-        return Err(period::not_repeating(trace, &data, period, good, sweeps.len()));
-    }
+    let sweeps = refine(trace, &data, template);
+    plausible(trace, &data, period, &sweeps)?;
     Ok(sweeps)
+}
+
+/// Refuses sweeps that only a wrong K can explain.
+fn plausible(trace: &Trace, data: &Scaled, period: usize, sweeps: &[Sweep]) -> Result<()> {
+    let good = sweeps.iter().filter(|sweep| sweep.is_ok()).count();
+    let short = number_short(sweeps);
+    if 2 * good < sweeps.len() || short > (sweeps.len() / 4).max(FEW_SHORT) {
+        return Err(period::not_repeating(trace, data, period, good, sweeps.len()));
+    }
+    if short <= FEW_SHORT {
+        return Ok(());
+    }
+    // A short sweep now and then makes up for a K that is wrong by an image or two.
+    match period::neighbour(trace, data, period) {
+        Some(other) if searched(trace, other).is_some_and(|other| number_short(&other) < short) => {
+            Err(period::wrong(other, period))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The sweeps of `period` images, wherever they begin.
+fn searched(trace: &Trace, period: usize) -> Option<Vec<Sweep>> {
+    let data = Scaled::new(trace, &noise_of_repeat(trace, period));
+    let run = begin::quietest_run(&data, period)?;
+    let cycle = Template::median(&data, &run, period);
+    Some(refine(trace, &data, begin::first_image(&data, &cycle, run[0])))
+}
+
+fn number_short(sweeps: &[Sweep]) -> usize {
+    sweeps.iter().filter(|sweep| matches!(sweep.verdict, Verdict::Short { .. })).count()
 }
 
 /// Aligns, takes the median of all good sweeps, and aligns again until nothing changes.
@@ -136,7 +157,8 @@ fn improved(
     let delays = || good.iter().map(|&start| median.fit(data, start, period).delay);
     let middle = DELAY_QUANTILES.map(|share| quantile(delays(), share)).iter().sum::<f64>() / 2.0;
     let template = median.centred(middle);
-    let misfit = quantile(good.iter().map(|&start| template.fit(data, start, period).cost), 0.5);
+    let misfit =
+        quantile(good.iter().map(|&start| template.fit(data, start, period).cost), USUAL_SHARE);
     Some((template, Units::of_noise(misfit / period as f64, period)))
 }
 

@@ -1,6 +1,6 @@
 //! Whether the data repeat every K images, and what to suggest when they do not.
 
-use super::scaled::{Scaled, median_change};
+use super::scaled::{Scaled, usual_change};
 use super::trace::Trace;
 use crate::error::{Error, Result};
 use crate::reconstruct::quantile::quantile;
@@ -14,8 +14,12 @@ const IMAGES: usize = 1 << 15;
 const GROUPS: usize = 16;
 /// A peak of the autocorrelation counts from this share of the highest on.
 const PEAK_SHARE: f64 = 0.95;
+/// So many peaks are looked at, at most.
+const PEAKS: usize = 16;
 /// Another period is the true one when the images one apart differ this many times less.
 const CLEARLY: f64 = 3.0;
+/// A period is next to another one within this part of it.
+const NEIGHBOURHOOD: usize = 8;
 /// Differences at two lags are equal within this factor.
 const EQUALLY: f64 = 1.5;
 
@@ -52,7 +56,14 @@ pub(super) fn not_repeating(
     }
 }
 
-fn wrong(found: usize, period: usize) -> Error {
+/// Another period next to the given one.
+pub(super) fn neighbour(trace: &Trace, data: &Scaled, period: usize) -> Option<usize> {
+    let next_to = |other: usize| other != period && other.abs_diff(period) < period / NEIGHBOURHOOD;
+    found(trace, data, 2 * period).filter(|&other| next_to(other))
+}
+
+/// The error that names the period found.
+pub(super) fn wrong(found: usize, period: usize) -> Error {
     Error::failed(format!(
         "the images repeat every {found}, not every {period}: use --images {found}, or check the \
          recording"
@@ -61,12 +72,24 @@ fn wrong(found: usize, period: usize) -> Error {
 
 /// Usual change of images `lag` apart.
 fn unrest(data: &Scaled, lag: usize) -> f64 {
-    median_change(data.images(), lag, |old, now, new| data.bend(old, now, new))
+    usual_change(data.images(), lag, |old, now, new| data.bend(old, now, new))
 }
 
-/// The shortest period with (nearly) the highest autocorrelation, apart from all that is slower
-/// than `window` images, that its multiples within half of it confirm.
+/// The shortest period that explains the data, apart from all that is slower than `window` images.
+///
+/// Of the lags with nearly the highest autocorrelation: at its multiples, too, the images differ
+/// hardly more than at the best of these lags.
 fn found(trace: &Trace, data: &Scaled, window: usize) -> Option<usize> {
+    let peaks: Vec<(usize, f64)> =
+        peaks(trace, window)?.into_iter().map(|lag| (lag, unrest(data, lag))).collect();
+    let least = peaks.iter().map(|peak| peak.1).fold(f64::INFINITY, f64::min);
+    let quiet = || peaks.iter().filter(|peak| peak.1 <= CLEARLY * least);
+    let farthest = quiet().next_back()?.0;
+    quiet().map(|peak| peak.0).find(|&lag| repeats(data, lag, farthest, least))
+}
+
+/// The first peaks of the autocorrelation that are nearly the highest.
+fn peaks(trace: &Trace, window: usize) -> Option<Vec<usize>> {
     let images = trace.images().min(IMAGES);
     let longest = images / 2;
     if longest <= SHORTEST {
@@ -82,18 +105,15 @@ fn found(trace: &Trace, data: &Scaled, window: usize) -> Option<usize> {
         let value = unbiased[lag];
         value > PEAK_SHARE * highest && value >= unbiased[lag - 1] && value >= unbiased[lag + 1]
     };
-    (from..longest - 1).filter(peak).find(|&lag| repeats(data, lag, window / 2))
+    Some((from..longest - 1).filter(peak).take(PEAKS).collect())
 }
 
+/// Whether the images differ little at all multiples of `lag`, up to the quiet peak `farthest`.
+///
 /// A fixed fringe repeats within a sweep, too, but the source's spectrum does not follow it far.
-/// Looked at is no farther than the number of images that was given: the power drifts, and its bend
-/// grows with the square of the distance (allowed for over a few repeats).
-fn repeats(data: &Scaled, lag: usize, given: usize) -> bool {
-    let usual = CLEARLY * unrest(data, lag);
-    let drift = |n: usize| n.pow(2).min(9) as f64;
-    (2..=given / lag)
-        .take_while(|n| 2 * n * lag < data.images())
-        .all(|n| unrest(data, n * lag) <= drift(n) * usual)
+fn repeats(data: &Scaled, lag: usize, farthest: usize, least: f64) -> bool {
+    let limit = CLEARLY * CLEARLY * least;
+    (2..=farthest / lag).all(|times| unrest(data, times * lag) <= limit)
 }
 
 /// Sum over the groups of the autocorrelation, each group normalised and without outliers.

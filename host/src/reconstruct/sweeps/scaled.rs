@@ -5,8 +5,11 @@ use crate::reconstruct::quantile::quantile;
 
 /// Lanes of a vector register: the groups are padded to a multiple.
 pub(super) const LANES: usize = 8;
-/// Median of χ² with one degree of freedom.
-const CHI2_MEDIAN: f64 = 0.4549;
+/// The change that this share of the images does not exceed is the usual one: more than half may lie
+/// next to a bad sweep.
+const QUIET_SHARE: f64 = 1.0 / 3.0;
+/// The same share of χ² with one degree of freedom lies below this.
+const CHI2_QUIET: f64 = 0.1855;
 /// Least noise of a group mean in DN: that of rounding.
 const LEAST_NOISE_DN: f64 = 0.02;
 /// An image counts as dark below this share of a bright one.
@@ -73,34 +76,35 @@ impl Scaled {
     }
 }
 
-/// Noise of each group in DN, from images one period apart: the median is not moved by bad sweeps.
+/// Noise of each group in DN, from images one period apart.
 pub(super) fn noise_of_repeat(trace: &Trace, period: usize) -> Vec<f64> {
     (0..trace.channels())
         .map(|channel| {
             let value = |image: usize| trace.image(image)[channel];
-            let median = median_change(trace.images(), period, |old, now, new| {
+            let quiet = usual_change(trace.images(), period, |old, now, new| {
                 (2.0 * value(now) - value(old) - value(new)).powi(2)
             });
-            (median / CHI2_MEDIAN).sqrt()
+            (quiet / CHI2_QUIET).sqrt()
         })
         .collect()
 }
 
-/// Median over the recording of a `square` of x(n) − 2 x(n + lag) + x(n + 2 lag), per variance of x.
+/// Usual `square` of x(n) − 2 x(n + lag) + x(n + 2 lag) over the recording, per variance of x.
 ///
-/// The second difference leaves out the slow change of power. With less than three periods the
-/// first difference must do.
-pub(super) fn median_change(
+/// The second difference leaves out the slow change of power, but a bad sweep spoils three of them;
+/// of first differences it spoils two. Either is too large, if anything: the smaller counts.
+pub(super) fn usual_change(
     images: usize,
     lag: usize,
     square: impl Fn(usize, usize, usize) -> f32,
 ) -> f64 {
-    let triples = images.saturating_sub(2 * lag);
-    if triples >= lag {
-        let of = |image| f64::from(square(image, image + lag, image + 2 * lag)) / 6.0;
-        return quantile((0..triples).map(of), 0.5);
-    }
     // x(n) − 2 x(n) + x(n + lag) is the first difference.
-    let of = |image| f64::from(square(image, image, image + lag)) / 2.0;
-    quantile((0..images.saturating_sub(lag)).map(of), 0.5)
+    let first = |image| f64::from(square(image, image, image + lag)) / 2.0;
+    let first = quantile((0..images.saturating_sub(lag)).map(first), QUIET_SHARE);
+    let triples = images.saturating_sub(2 * lag);
+    if triples < lag {
+        return first;
+    }
+    let second = |image| f64::from(square(image, image + lag, image + 2 * lag)) / 6.0;
+    first.min(quantile((0..triples).map(second), QUIET_SHARE))
 }

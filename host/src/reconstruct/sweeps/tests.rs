@@ -22,6 +22,10 @@ struct Scene {
     noise: f64,
     /// Largest delay of the camera in images.
     jitter: f64,
+    /// Slow change of the power from sweep to sweep.
+    drift: f64,
+    /// Amplitude of fixed fringes from the largest depths, nearly half a turn per image, DN.
+    deep: f64,
     bits: u32,
 }
 
@@ -34,6 +38,8 @@ impl Default for Scene {
             hump: 0.8,
             noise: 3.0,
             jitter: 0.0,
+            drift: 0.03,
+            deep: 0.0,
             bits: 12,
         }
     }
@@ -62,7 +68,9 @@ impl Scene {
         let source = 1.0 - self.hump + self.hump * (PI * q).cos().powi(2);
         let phase = channel as f64;
         let fringe = 12.0 * (2.0 * PI * 3.3 * q + phase).cos()
-            + 8.0 * (2.0 * PI * 8.7 * q + 2.0 * phase).cos();
+            + 8.0 * (2.0 * PI * 8.7 * q + 2.0 * phase).cos()
+            + self.deep * (PI * 0.47 * m + 1.3 * phase).cos()
+            + self.deep * (PI * 0.82 * m + 0.7 * phase).cos();
         let vignette = 1.0 - 0.5 * (phase / CHANNELS as f64 - 0.5).abs();
         vignette * source * 1900.0 + source.sqrt() * fringe
     }
@@ -77,7 +85,7 @@ impl Scene {
             let fault = self.faults.iter().find(|(at, _)| *at == sweep).map(|(_, fault)| *fault);
             let images = if let Some(Fault::Short(images)) = fault { images } else { self.period };
             spans.push((trace.images(), images));
-            let power = 1.0 + 0.03 * (sweep as f64 / 7.0).sin();
+            let power = 1.0 + self.drift * (sweep as f64 / 7.0).sin();
             let delay = self.jitter * uniform(&mut state);
             let tone: Vec<[f64; 2]> = (0..CHANNELS)
                 .map(|_| [10.0 + 30.0 * uniform(&mut state), uniform(&mut state)])
@@ -224,6 +232,47 @@ fn faults_anywhere() {
         let hump = [0.0, 0.5, 1.0][choose(3)];
         let scene = Scene { period, sweeps: 40, faults, hump, ..Scene::default() };
         scene.is_found_with("anywhere", seed..=seed);
+    }
+}
+
+/// As in the simulated recordings.
+fn like_a_retina() -> Scene {
+    Scene { period: 256, hump: 0.4, noise: 6.5, drift: 0.01, deep: 16.0, ..Scene::default() }
+}
+
+/// No third of the sweeps in sequence is without a bad one.
+#[test]
+fn bad_sweeps_that_leave_no_long_quiet_run() {
+    for short in [1, 37, 255] {
+        let faults = vec![(6, Dark), (11, Short(short)), (18, Bright)];
+        Scene { faults, ..like_a_retina() }.is_found("dark, short, bright");
+    }
+    let faults =
+        vec![(3, Bright), (7, Dark), (8, Dark), (12, Short(37)), (16, Short(200)), (20, Bright)];
+    Scene { faults, ..like_a_retina() }.is_found("six of 24");
+}
+
+#[test]
+fn bad_sweeps_anywhere() {
+    let mut state = 11;
+    for _ in 0..30 {
+        let mut free: Vec<usize> = (0..23).collect();
+        let mut place = || free.swap_remove((uniform(&mut state) * free.len() as f64) as usize);
+        let places = [place(), place(), place()];
+        let faults = vec![(places[0], Dark), (places[1], Short(37)), (places[2], Bright)];
+        let what = format!("dark, short, bright at {places:?}");
+        Scene { period: 96, faults, ..like_a_retina() }.is_found(&what);
+    }
+}
+
+#[test]
+fn late_starts_do_not_cut_sweeps() {
+    for sweeps in [12, 24, 40] {
+        for faults in [vec![], vec![(7, Short(37))], vec![(4, Dark), (8, Short(20)), (10, Bright)]]
+        {
+            let late = Scene { sweeps, faults, period: 128, jitter: 1.0, ..like_a_retina() };
+            late.is_found("late starts");
+        }
     }
 }
 
