@@ -67,14 +67,14 @@ impl<'a> ChosenFrames<'a> {
 
     /// Number of frames in the whole series.
     #[must_use]
-    pub fn of(&self) -> usize {
+    pub fn in_all(&self) -> usize {
         self.series.shape().frames
     }
 
     /// Numbers of the frames that were not chosen.
     #[must_use]
     pub fn left_out(&self) -> Vec<usize> {
-        (0..self.of()).filter(|frame| !self.chosen.contains(frame)).collect()
+        (0..self.in_all()).filter(|frame| !self.chosen.contains(frame)).collect()
     }
 
     /// Which of the chosen frames frame `number` of the whole series is; `flag` asked for it.
@@ -82,7 +82,7 @@ impl<'a> ChosenFrames<'a> {
     /// # Errors
     /// When the series has no such frame, or it was not chosen.
     pub fn position(&self, number: usize, flag: &str) -> Result<usize> {
-        let frames = self.of();
+        let frames = self.in_all();
         if number >= frames {
             let last = frames - 1;
             return Err(Error::usage(format!("{flag} {number}: the frames are 0 ..= {last}")));
@@ -111,7 +111,7 @@ impl<'a> ChosenFrames<'a> {
             phase_rad: f64::NAN,
             sigma_rad: f64::NAN,
         };
-        let mut all: Vec<_> = (0..self.of()).map(missing).collect();
+        let mut all: Vec<_> = (0..self.in_all()).map(missing).collect();
         for (&frame, row) in self.chosen.iter().zip(rows) {
             all[frame] = CurveRow { frame, ..*row };
         }
@@ -121,11 +121,11 @@ impl<'a> ChosenFrames<'a> {
     /// Images (time, ...) of the chosen frames as images of all: NaN for the others.
     #[must_use]
     pub fn images_of_all<'b>(&self, images: &'b [f32]) -> Cow<'b, [f32]> {
-        if self.chosen.len() == self.of() {
+        if self.chosen.len() == self.in_all() {
             return Cow::Borrowed(images);
         }
         let pixels = images.len() / self.chosen.len().max(1);
-        let mut all = vec![f32::NAN; self.of() * pixels];
+        let mut all = vec![f32::NAN; self.in_all() * pixels];
         for (&frame, image) in self.chosen.iter().zip(images.chunks_exact(pixels.max(1))) {
             all[frame * pixels..][..pixels].copy_from_slice(image);
         }

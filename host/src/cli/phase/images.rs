@@ -90,7 +90,7 @@ impl Task<'_> {
 
     fn layout(&self, strip_rows: usize, attributes: Attributes) -> ImageLayout {
         let Shape { height, width, .. } = self.good.shape();
-        let frames = self.good.of();
+        let frames = self.good.in_all();
         let times = || (0..frames).map(|frame| self.good.time_of(frame)).collect();
         ImageLayout {
             frames,

@@ -60,7 +60,7 @@ impl Task<'_> {
             print(&format!(
                 "{} of {} frames left out (bad sweeps, or not finite): {}",
                 left_out.len(),
-                self.good.of(),
+                self.good.in_all(),
                 numbers.join(", ")
             ));
         }
