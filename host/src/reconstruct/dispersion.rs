@@ -41,7 +41,7 @@ pub fn band_coordinate(m: usize, images: usize) -> f64 {
 pub struct Estimate {
     /// The sharpest correction's phase.
     pub dispersion: Dispersion,
-    /// Sharpness <I^1.5> / <I>^1.5 of the depths looked at without a correction, mean of the lines.
+    /// Sharpness `<I^1.5> / <I>^1.5` of the depths looked at without a correction, mean of the lines.
     pub sharpness_before: f64,
     /// The same with the correction.
     pub sharpness_after: f64,

@@ -1,6 +1,6 @@
 //! The sharpness of A-lines under a trial correction of dispersion.
 //!
-//! S = <I^1.5> / <I>^1.5 with the intensities I at the depths of a line, averaged over lines: 1 for
+//! `S = <I^1.5> / <I>^1.5` with the intensities I at the depths of a line, averaged over lines: 1 for
 //! an even line, 1.33 for noise or a thick layer of speckle, more the fewer pixels hold the light.
 //! It does not depend on scale, and a line with a bright reflection counts no more than another.
 //! Entropy and other powers of I find the same dispersion within 0.05 rad; I^2 scatters more where a

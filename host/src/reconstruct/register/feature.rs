@@ -16,7 +16,7 @@ pub const SCALE: f32 = 256.0;
 /// Largest stored number, 8 sigma: a row's sum of products stays within 32 bits.
 const LIMIT: f32 = 2047.0;
 
-/// The kept depths of all blocks of one sweep, as numbers of unit variance times [`SCALE`].
+/// The kept depths of all blocks of one sweep, as numbers of unit variance times `SCALE`.
 pub struct Feature {
     /// First depth kept.
     pub(super) first: usize,
