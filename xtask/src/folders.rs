@@ -25,10 +25,10 @@ pub(crate) fn phasewalk() -> Result<PathBuf> {
     Ok(target()?.join("release").join(name))
 }
 
-/// An example, as `cargo build --release --example` leaves it.
+/// An example, as `cargo build --example` leaves it.
 pub(crate) fn example(name: &str) -> Result<PathBuf> {
     let name = format!("{name}{}", std::env::consts::EXE_SUFFIX);
-    Ok(target()?.join("release").join("examples").join(name))
+    Ok(target()?.join("debug").join("examples").join(name))
 }
 
 /// A script, or its requirements.

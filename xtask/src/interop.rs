@@ -55,7 +55,7 @@ const RECORDINGS: [&str; 3] = ["ball_12bit.cihx", "beam.cihx", "sample_60k_16bit
 
 /// Camera recordings, written and read beside pyMRAW.
 fn check_recordings(python: &Environment) -> Result {
-    run(&mut cargo("build --release --package phasewalk --example photron_frames"))?;
+    run(&mut cargo("build --package phasewalk --example photron_frames"))?;
     let data = folders::workspace().join("tests").join("data").join("photron");
     let mut peer = python.script("check_photron.py");
     peer.arg(folders::example("photron_frames")?).arg(folders::scratch("photron")?);
