@@ -83,7 +83,7 @@ fn solved(name: &str, file: &Path) -> Solved {
     }
     // From microseconds of the nominal clock to ticks.
     let ticks = |row: &Row| row.took_us * f64::from(Limits::F405.ticks_per_second) / 1e6;
-    let instructions = rows.iter().map(|row| ticks(row) * f64::from(INSTRUCTIONS_PER_TICK));
+    let instructions = rows.iter().map(|row| ticks(row) * INSTRUCTIONS_PER_TICK);
     Solved {
         error_rad: rms(rows.iter().map(error)),
         instructions: instructions.collect(),

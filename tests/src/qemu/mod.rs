@@ -5,8 +5,8 @@
 //! STM32F405; so the image leaves its outputs disconnected and calls itself a rehearsal. Order,
 //! protocol and states are claimed here, never timing.
 //!
-//! With `-icount shift=0` one instruction takes one nanosecond of QEMU's time, so its clocks count
-//! instructions.
+//! With `-icount shift=3` one instruction takes eight nanoseconds of QEMU's time, so its clocks count
+//! instructions, and time passes about as fast as outside.
 
 mod debugger;
 mod elf;
@@ -24,8 +24,14 @@ use tempfile::TempDir;
 
 pub use log::{Log, Logged};
 
-/// QEMU's timers count nanoseconds; the image divides them by this, to be near 84 MHz.
-pub const INSTRUCTIONS_PER_TICK: u32 = 1_000_000_000 / 84_000_000 + 1;
+/// QEMU's timers count nanoseconds; the image makes ticks of so many, to be near 84 MHz.
+const TICK_NS: f64 = 12.0;
+
+/// With `-icount shift=3`.
+const INSTRUCTION_NS: f64 = 8.0;
+
+/// What its clocks count.
+pub const INSTRUCTIONS_PER_TICK: f64 = TICK_NS / INSTRUCTION_NS;
 
 /// The serial line of the board: USART6.
 const LINE: &str = "serial5";
@@ -74,7 +80,7 @@ impl Machine {
         let turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
         let folder = TempDir::new().expect("the machine gives a folder");
         let mut command = Command::new("qemu-system-arm");
-        command.args(["-M", "netduinoplus2", "-icount", "shift=0,align=on,sleep=on"]);
+        command.args(["-M", "netduinoplus2", "-icount", "shift=3,align=on,sleep=on"]);
         command.args(["-display", "none", "-monitor", "none", "-kernel"]).arg(image);
         for _ in 1..6 {
             command.args(["-serial", "null"]);

@@ -15,9 +15,9 @@ const UNO: &str = "emulated-board";
 
 const QEMU: &str = "qemu-system-arm";
 
-/// A machine with an STM32F405, its clock that of the instructions; the board's line is its sixth
+/// A machine with an STM32F405, its clock that of the instructions, 8 ns each; the board's line is its sixth
 /// serial one.
-const QEMU_ARGUMENTS: &str = "-M netduinoplus2 -icount shift=0,align=on,sleep=on -nographic \
+const QEMU_ARGUMENTS: &str = "-M netduinoplus2 -icount shift=3,align=on,sleep=on -nographic \
     -monitor none -serial null -serial null -serial null -serial null -serial null -serial pty";
 
 /// QEMU does not listen to its standard input. So a shell does, and ends it when this program has ended,
