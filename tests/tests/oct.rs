@@ -5,6 +5,7 @@ use phasewalk_tests::npy;
 use phasewalk_tests::oct::{Scores, compare, numbers, score};
 use phasewalk_tests::program::{Bench, Ran, names_in};
 use phasewalk_tests::rehearsed_board::RehearsedBoard;
+use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -295,10 +296,16 @@ fn a_run_log_gives_the_times() {
         1,
         &["run log", "8 sweeps", "10"],
     );
-    let _ = bench.succeed(&reconstruct("--run-log ten.ndjson --no-pictures -o V.zarr"));
+    let noted = "--run-log ten.ndjson --pixel-pitch-um 4.06 --no-pictures -o V.zarr";
+    let _ = bench.succeed(&reconstruct(noted));
     let (shape, times) = numbers(&bench.path("V.zarr/time_s"));
     assert_eq!(shape, [10]);
     assert!(times.windows(2).all(|pair| (pair[1] - pair[0] - 0.025).abs() < 1e-4), "{times:?}");
+    let group = fs::read_to_string(bench.path("V.zarr/zarr.json")).unwrap();
+    let group: Value = serde_json::from_str(&group).unwrap();
+    assert_eq!(group["attributes"]["pixel_pitch_um"], 4.06);
+    let began = group["attributes"]["stimulus_s"].as_f64().unwrap();
+    assert!((times[2] - 0.005..times[3]).contains(&began), "{began} s of {times:?}");
     let _ = bench.succeed("phase V.zarr --mask R/mask.npy -o C.csv");
     let (_, truth) = npy::load_f64(&bench.path("R/phase.npy"));
     assert_eq!(fs::read_to_string(bench.path("C.csv")).unwrap().lines().count(), truth.len() + 1);

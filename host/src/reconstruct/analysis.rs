@@ -95,13 +95,13 @@ pub fn analyse(
         flat,
         depths,
         layers: [layer(isos + behind), layer(isos)],
-        quality: state.quality.clone(),
+        quality: state.matches.quality.clone(),
     };
     Ok((analysis, surfaces))
 }
 
 fn motions(plan: &Preparation, state: &State) -> Result<Vec<Option<Motion>>> {
-    let members: Vec<usize> = state.members.iter().map(|member| member.0).collect();
+    let members: Vec<usize> = state.matches.members.iter().map(|member| member.0).collect();
     if members.len() < 2 {
         return Err(Error::failed(format!(
             "only {} of {} sweeps show the retina: nothing to compare",
@@ -109,7 +109,7 @@ fn motions(plan: &Preparation, state: &State) -> Result<Vec<Option<Motion>>> {
             plan.sweeps.len()
         )));
     }
-    let mut motions = register::solve(plan.sweeps.len(), &state.pairs);
+    let mut motions = register::solve(plan.sweeps.len(), &state.matches.pairs);
     for (sweep, motion) in motions.iter_mut().enumerate() {
         if !members.contains(&sweep) {
             *motion = None;

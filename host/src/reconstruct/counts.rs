@@ -1,6 +1,5 @@
-//! The raw counts of one sweep in memory.
+//! Raw images in memory, from any places of a recording.
 
-use super::illumination::Illumination;
 use crate::allocate::zeros;
 use crate::error::Result;
 use crate::io::RawImages;
@@ -30,22 +29,6 @@ impl SweepCounts {
     pub fn new(images: usize, height: usize, width: usize) -> Result<Self> {
         let counts = zeros(images * height * width, "the counts of one sweep")?;
         Ok(Self { images, height, width, counts })
-    }
-
-    /// Read the K images from `first` on, dead pixels replaced by their neighbours.
-    ///
-    /// # Errors
-    /// When the file cannot be read.
-    pub fn load(
-        &mut self,
-        raw: &dyn RawImages,
-        first: usize,
-        illumination: &Illumination,
-    ) -> Result<()> {
-        let pixels = self.height * self.width;
-        self.read(raw, |m| first + m)?;
-        self.counts.par_chunks_exact_mut(pixels).for_each(|image| illumination.repair(image));
-        Ok(())
     }
 
     /// Read images that are not neighbours: the m-th is image `place(m)` of the recording.

@@ -5,12 +5,13 @@
 //! state after each sweep is all that the pass needs to go on, but for the features of the last
 //! members, which are made again from the recording.
 
-use super::background::{BLOCK, Background, Grid};
-use super::counts::SweepCounts;
+use super::background::{Background, Fit};
+use super::grid::{BLOCK, Grid};
 use super::mean::MeanVolume;
 use super::preparation::Preparation;
-use super::register::{Feature, MATCHED, Motion, PairMotion, Registration};
+use super::register::{Matches, Motion, NEIGHBOURS, Place, Registration, Sequence};
 use super::spectrum::{Direction, Input, Transform};
+use super::strips::StripCounts;
 use super::window::Window;
 use crate::allocate::zeros;
 use crate::error::Result;
@@ -18,12 +19,7 @@ use crate::io::RawImages;
 use crate::progress::Progress;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use std::collections::VecDeque;
 
-/// Sweeps that a new one is compared with.
-const NEIGHBOURS: usize = 6;
-/// Share of the usual quality of a match below which a sweep is taken for smeared.
-const LEAST_SHARE: f64 = 0.3;
 /// Parts of the image, along each side, whose mean residual tells the start of the camera.
 const PARTS: usize = 4;
 
@@ -36,12 +32,8 @@ pub struct State {
     pub sources: Vec<Vec<f32>>,
     /// Residual of the source fit in parts of the image, (part, m); empty for one with a fault.
     pub traces: Vec<Vec<f32>>,
-    /// Motions between sweeps.
-    pub pairs: Vec<(usize, usize, PairMotion)>,
-    /// Best quality of a sweep's pairs.
-    pub quality: Vec<f64>,
-    /// Motion against the first member, for the members so far.
-    pub members: Vec<(usize, Motion)>,
+    /// How the sweeps match.
+    pub matches: Matches,
     /// Sum of the residuals, (m, row of blocks, column of blocks), and how many.
     pub fixed: (Vec<f32>, usize),
     /// The averaged volume.
@@ -54,10 +46,9 @@ pub struct FirstPass<'a> {
     plan: &'a Preparation,
     grid: Grid,
     transform: Transform,
-    registration: Registration,
-    counts: SweepCounts,
+    sequence: Sequence,
+    counts: StripCounts,
     amplitude: Vec<f32>,
-    features: VecDeque<(usize, Feature)>,
     state: State,
 }
 
@@ -90,18 +81,15 @@ impl<'a> FirstPass<'a> {
             plan,
             grid,
             transform,
-            registration: Registration::new(depth, height, width),
-            counts: SweepCounts::new(plan.images, height, width)?,
+            sequence: Sequence::new(Registration::new(depth, height, width)),
+            counts: StripCounts::new(plan.images, grid)?,
             amplitude: zeros(depth * height * width, "amplitudes of one sweep")?,
-            features: VecDeque::new(),
             state,
         };
-        let last = pass.state.members.len().saturating_sub(NEIGHBOURS);
-        let members: Vec<usize> = pass.state.members[last..].iter().map(|m| m.0).collect();
-        for sweep in members {
+        for sweep in pass.state.matches.last_members() {
             let background = pass.look_at(sweep)?;
             pass.amplitudes(background)?;
-            pass.remember(sweep, pass.registration.feature(&pass.amplitude));
+            pass.sequence.hold(sweep, &pass.amplitude);
         }
         Ok(pass)
     }
@@ -110,7 +98,7 @@ impl<'a> FirstPass<'a> {
     #[must_use]
     pub fn bytes(plan: &Preparation, height: usize, width: usize) -> u64 {
         let (pixels, grid) = (height * width, Grid::new(height, width));
-        let counts = 2 * plan.images * pixels;
+        let counts = StripCounts::bytes(plan.images, &grid);
         // Amplitudes and their mean; while the surfaces are found, copies of it instead of the counts.
         let volumes = 3 * 4 * plan.depths.len() * pixels;
         let residuals = 4 * 4 * plan.images * grid.blocks();
@@ -143,7 +131,7 @@ impl<'a> FirstPass<'a> {
         if !self.plan.sweeps[sweep].is_ok() {
             self.state.sources.push(Vec::new());
             self.state.traces.push(Vec::new());
-            self.state.quality.push(0.0);
+            self.state.matches.skip();
             self.state.next += 1;
             return Ok(());
         }
@@ -154,7 +142,7 @@ impl<'a> FirstPass<'a> {
         sum.iter_mut().zip(&background.residual).for_each(|(sum, r)| *sum += r);
         *count += 1;
         self.amplitudes(background)?;
-        self.place(sweep);
+        self.place();
         self.state.sources.push(source);
         self.state.traces.push(trace);
         self.state.next += 1;
@@ -163,9 +151,10 @@ impl<'a> FirstPass<'a> {
 
     /// Load a sweep and fit its source.
     fn look_at(&mut self, sweep: usize) -> Result<Background> {
-        let first = self.plan.sweeps[sweep].first_image;
-        self.counts.load(self.raw, first, &self.plan.illumination)?;
-        self.grid.measure(&self.counts, &self.plan.illumination)
+        let (first, light) = (self.plan.sweeps[sweep].first_image, &self.plan.illumination);
+        let fit = Fit::new(&self.grid, light)?;
+        let images = self.counts.load_sweep(self.raw, first, light, |image| fit.image(image))?;
+        Ok(Background::of(images))
     }
 
     /// |U| of the loaded sweep. The sweep's own residual, smoothed, stands for the fixed fringes: their
@@ -174,7 +163,7 @@ impl<'a> FirstPass<'a> {
         let Background { source, residual: mut fixed } = background;
         self.grid.smooth(&mut fixed);
         let input = Input {
-            counts: &self.counts.counts,
+            counts: &self.counts,
             source: &source,
             illumination: &self.plan.illumination.pixels,
             fixed: &fixed,
@@ -182,78 +171,17 @@ impl<'a> FirstPass<'a> {
         self.transform.amplitudes(input, self.plan.depths.clone(), &mut self.amplitude)
     }
 
-    /// Compare with the members before, and join them if it matches as they do.
-    fn place(&mut self, sweep: usize) {
-        let feature = self.registration.feature(&self.amplitude);
-        let found = self.compare(&feature);
-        let best = found.iter().map(|(_, pair)| pair.quality).fold(0.0, f64::max);
-        self.state.quality.push(best);
-        let matched = best >= self.enough();
-        if !matched && self.state.members.len() > 1 {
-            return;
-        }
-        let mut motions = vec![(Motion::default(), 1.0)];
-        if matched {
-            let pairs = found.into_iter().filter(|(_, pair)| pair.quality >= MATCHED);
-            let pairs: Vec<(usize, PairMotion)> = pairs.collect();
-            let whole = |(earlier, pair): &(usize, PairMotion)| {
-                Some((self.motion_of(*earlier)?.then(pair.motion), pair.quality))
-            };
-            motions = pairs.iter().filter_map(whole).collect();
-            self.state
-                .pairs
-                .extend(pairs.into_iter().map(|(earlier, pair)| (earlier, sweep, pair)));
-        } else {
-            // Nothing to compare with, or the first member was no picture of the retina.
-            self.state.members.clear();
-            self.features.clear();
-            self.state.mean.clear();
-        }
-        let motion = average(&motions);
-        self.state.members.push((sweep, motion));
+    /// Compare with the members before, and add to their mean if it matches.
+    fn place(&mut self) {
+        let motion = match self.sequence.push(&self.amplitude, &mut self.state.matches) {
+            Place::Apart => return,
+            Place::Member(motion) => motion,
+            Place::First => {
+                self.state.mean.clear();
+                Motion::default()
+            }
+        };
         self.state.mean.add(&self.amplitude, &motion);
-        self.remember(sweep, feature);
-    }
-
-    /// Motion against each of the last members, the latest first. Where the motion that is known
-    /// from a later one leads nowhere, all shifts are searched.
-    fn compare(&self, feature: &Feature) -> Vec<(usize, PairMotion)> {
-        let enough = self.enough();
-        let mut guess: Option<Motion> = None;
-        let mut found = Vec::new();
-        for (earlier, other) in self.features.iter().rev() {
-            let Some(known) = self.motion_of(*earlier) else { continue };
-            let near = guess.map(|whole| known.to(whole));
-            let mut pair = self.registration.pair(other, feature, near);
-            if near.is_some() && pair.quality < MATCHED {
-                pair = self.registration.pair(other, feature, None);
-            }
-            if pair.quality >= enough {
-                guess.get_or_insert(known.then(pair.motion));
-            }
-            found.push((*earlier, pair));
-        }
-        found
-    }
-
-    /// Quality of a match: above chance, and not far below what is usual here. A sweep that is
-    /// smeared by a saccade matches a little.
-    fn enough(&self) -> f64 {
-        let of = |&(sweep, _): &(usize, Motion)| self.state.quality[sweep];
-        let mut usual: Vec<f64> = self.state.members.iter().skip(1).map(of).collect();
-        usual.sort_by(f64::total_cmp);
-        usual.get(usual.len() / 2).map_or(MATCHED, |usual| MATCHED.max(LEAST_SHARE * usual))
-    }
-
-    fn motion_of(&self, sweep: usize) -> Option<Motion> {
-        self.state.members.iter().find(|(member, _)| *member == sweep).map(|(_, motion)| *motion)
-    }
-
-    fn remember(&mut self, sweep: usize, feature: Feature) {
-        self.features.push_back((sweep, feature));
-        if self.features.len() > NEIGHBOURS {
-            self.features.pop_front();
-        }
     }
 
     /// Mean residual in 4 x 4 parts of the image, (part, m).
@@ -285,9 +213,7 @@ impl State {
             next: 0,
             sources: Vec::new(),
             traces: Vec::new(),
-            pairs: Vec::new(),
-            quality: Vec::new(),
-            members: Vec::new(),
+            matches: Matches::default(),
             fixed: (residual, 0),
             mean: MeanVolume::new(size)?,
         })
@@ -301,18 +227,6 @@ impl State {
         grid.smooth(&mut fixed);
         fixed
     }
-}
-
-/// Mean of motions that say the same, weighted by their quality squared.
-fn average(motions: &[(Motion, f64)]) -> Motion {
-    let total: f64 = motions.iter().map(|(_, quality)| quality * quality).sum();
-    let mut mean = Motion::default();
-    for (motion, quality) in motions {
-        let share = quality * quality / total;
-        mean.rotation_rad += share * motion.rotation_rad;
-        mean.shift.iter_mut().zip(motion.shift).for_each(|(mean, shift)| *mean += share * shift);
-    }
-    mean
 }
 
 /// The program itself with its transforms and the buffers of its threads, bytes.

@@ -18,7 +18,7 @@ const REACH: usize = 2;
 const STAND_INS: usize = 4;
 
 /// Brightness of the pixels relative to each other.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Illumination {
     /// v (y,x), mean 1; a dead pixel has its neighbours' value.
     pub pixels: Vec<f32>,

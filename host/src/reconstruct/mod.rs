@@ -11,10 +11,10 @@
 //! | file | what it holds |
 //! |---|---|
 //! | `settings` | what the user says |
-//! | `counts`, `illumination`, `background` | the camera's side: counts, dead pixels, source and fixed fringes |
+//! | `counts`, `strips`, `illumination`, `background`, `grid` | the camera's side: counts, dead pixels, source and fixed fringes |
 //! | `scan`, `sweeps` | where each sweep begins, and what is wrong with it |
 //! | `lines`, `dispersion`, `sharpness`, `fringes`, `simplex` | the phase that blurs depth |
-//! | `spectrum` | counts to depth |
+//! | `spectrum`: `remove`, `turn`, `zoom` | counts to depth |
 //! | `register`, `resample` | how the eye moved, and the motion undone |
 //! | `mean`, `segment`, `quantile` | averaged volume and its surfaces |
 //! | `jitter` | late starts of the camera |
@@ -31,6 +31,7 @@ pub mod dispersion;
 pub mod findings;
 pub mod first_pass;
 mod fringes;
+pub mod grid;
 pub mod illumination;
 pub mod jitter;
 pub mod linearise;
@@ -42,6 +43,7 @@ pub mod preview;
 mod quantile;
 pub mod recording;
 pub mod register;
+mod remove;
 pub mod resample;
 pub mod scan;
 pub mod second_pass;
@@ -52,5 +54,8 @@ mod simplex;
 mod smooth;
 pub mod spectra;
 pub mod spectrum;
+pub mod strips;
 pub mod sweeps;
+mod turn;
 pub mod window;
+mod zoom;

@@ -1,9 +1,10 @@
 //! A B-scan of one sweep with any dispersion: what the diagnostic pictures compare.
 
-use super::background::{BLOCK, Grid};
 use super::dispersion::Dispersion;
+use super::grid::{BLOCK, Grid};
 use super::preparation::Preparation;
 use super::spectrum::{Direction, Input, Transform};
+use super::strips::StripCounts;
 use super::window::Window;
 use crate::error::Result;
 use crate::io::RawImages;
@@ -28,15 +29,14 @@ pub fn bscans(
         return Ok(Vec::new());
     };
     let first = sweep.first_image;
-    let mut counts = vec![0; images * ROWS * width];
-    raw.read(first..first + images, rows.clone(), &mut counts)?;
     let light = &plan.illumination.pixels[rows.start * width..rows.end * width];
     let power: f32 = light.iter().map(|v| v * v).sum();
-    let source: Vec<f32> = counts
-        .chunks_exact(ROWS * width)
-        .map(|image| image.iter().zip(light).map(|(&c, v)| f32::from(c) * v).sum::<f32>() / power)
-        .collect();
     let grid = Grid::new(ROWS, width);
+    let mut counts = StripCounts::new(images, grid)?;
+    let source = counts.load(
+        |m, image| raw.read(first + m..first + m + 1, rows.clone(), image),
+        |image| Ok(image.iter().zip(light).map(|(&c, v)| f32::from(c) * v).sum::<f32>() / power),
+    )?;
     let fixed = vec![0.0; images * grid.blocks()];
     let input = Input { counts: &counts, source: &source, illumination: light, fixed: &fixed };
     let scan = |dispersion: &Dispersion| -> Result<Vec<f32>> {

@@ -6,14 +6,14 @@
 //! ```
 
 use super::analysis::{Analysis, analyse};
-use super::background::Grid;
 use super::findings::{Findings, Survey};
 use super::first_pass::{FirstPass, LEAST_SIDE, State};
+use super::grid::Grid;
 use super::preparation::{self, Preparation};
 use super::second_pass::SecondPass;
 use super::settings::Settings;
 use crate::error::{Error, Result};
-use crate::io::{RawImages, Unfinished, VolumesLayout, VolumesWriter};
+use crate::io::{Attributes, RawImages, Unfinished, VolumesLayout, VolumesWriter};
 use crate::progress::Progress;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -38,6 +38,8 @@ pub struct Job<'a> {
     pub settings: &'a Settings,
     /// When each sweep was taken, in seconds, where a run log tells.
     pub times_s: Option<Vec<f64>>,
+    /// Further attributes of the result, for the figure: pixel pitch, stimulus.
+    pub notes: Attributes,
     /// Where the result goes.
     pub output: &'a Path,
     /// Go on with an unfinished run.
@@ -182,7 +184,8 @@ impl Job<'_> {
             width: format.width,
         };
         let companions = findings.companions(self.times_s.clone());
-        let attributes = findings.attributes(self.settings);
+        let mut attributes = findings.attributes(self.settings);
+        attributes.extend(self.notes.clone());
         let writer = VolumesWriter::create(work, layout, attributes, &companions)?;
         let mut pass = SecondPass::new(self.raw, plan, analysis, self.settings.direction)?;
         let progress = Progress::new("second pass", plan.sweeps.len() as u64);

@@ -2,12 +2,12 @@
 //! first, flattened on the IS/OS (paper lines 707-711).
 
 use super::analysis::Analysis;
-use super::background::Grid;
-use super::counts::SweepCounts;
 use super::first_pass::PROGRAM;
+use super::grid::Grid;
 use super::preparation::Preparation;
 use super::resample::{place, undo_lateral};
 use super::spectrum::{Direction, Input, Transform};
+use super::strips::StripCounts;
 use super::window::Window;
 use crate::allocate::zeros;
 use crate::error::Result;
@@ -24,7 +24,7 @@ pub struct SecondPass<'a> {
     analysis: &'a Analysis,
     grid: Grid,
     transform: Transform,
-    counts: SweepCounts,
+    counts: StripCounts,
     shifts: Vec<f32>,
     field: Vec<Complex32>,
 }
@@ -54,7 +54,7 @@ impl<'a> SecondPass<'a> {
                 &analysis.dispersion,
                 direction,
             )?,
-            counts: SweepCounts::new(plan.images, height, width)?,
+            counts: StripCounts::new(plan.images, grid)?,
             shifts: vec![0.0; height * width],
             field: zeros(analysis.depths.len() * height * width, "one volume")?,
         })
@@ -64,8 +64,10 @@ impl<'a> SecondPass<'a> {
     #[must_use]
     pub fn bytes(images: usize, depth: usize, height: usize, width: usize) -> u64 {
         let pixels = height * width;
-        let fixed = 4 * images * Grid::new(height, width).blocks();
-        (2 * images * pixels + 12 * depth * pixels + fixed + 4 * pixels) as u64 + PROGRAM
+        let grid = Grid::new(height, width);
+        let fixed = 4 * images * grid.blocks();
+        (StripCounts::bytes(images, &grid) + 12 * depth * pixels + fixed + 4 * pixels) as u64
+            + PROGRAM
     }
 
     /// Reconstruct and write the sweeps from `first` on; `done` is told after each.
@@ -96,10 +98,10 @@ impl<'a> SecondPass<'a> {
         let Analysis { motions, depths, fixed, .. } = self.analysis;
         let Some(motion) = motions[sweep] else { return Ok(()) };
         let first = self.plan.sweeps[sweep].first_image;
-        self.counts.load(self.raw, first, &self.plan.illumination)?;
+        self.counts.load_sweep(self.raw, first, &self.plan.illumination, |_| Ok(()))?;
         self.find_shifts(sweep);
         let input = Input {
-            counts: &self.counts.counts,
+            counts: &self.counts,
             source: &self.analysis.sources[sweep],
             illumination: &self.plan.illumination.pixels,
             fixed,

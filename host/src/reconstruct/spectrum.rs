@@ -8,17 +8,21 @@
 //! them, are applied at once and leave the phase at the centre of the band alone. So a shift moves
 //! the layers and not their phase, whatever the depth. A down-sweep records the conjugate.
 //!
-//! Raw spectra lie (m, y, x): pixels are taken in strips of neighbours, so that what is read once from
-//! memory is used while it is near.
+//! Pixels are taken in strips of neighbours: background off (`remove`), all phases on (`turn`), FFT;
+//! where few depths are wanted, `zoom` does both.
 
-use super::background::{BLOCK, Grid};
 use super::dispersion::{Dispersion, band_coordinate};
+use super::grid::{BLOCK, Grid, STRIP};
+use super::remove::{RemoveTask, Strip};
+use super::strips::StripCounts;
+use super::turn::{GROUP, PADDING, TurnTask};
+use super::zoom::{Zoom, ZoomTask, Zoomed};
 use crate::error::Result;
-use crate::lanes::{LaneTask, Lanes, Path};
+use crate::lanes::Path;
 use num_complex::Complex32;
 use rayon::prelude::*;
 use rustfft::{Fft, FftPlanner};
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -34,18 +38,11 @@ pub enum Direction {
     Down,
 }
 
-/// Columns of a strip, whose K x 4 x 64 background-free samples fit the second-level cache.
-const STRIP: usize = 64;
-/// Pixels that are turned together.
-const GROUP: usize = 16;
-/// Between the spectra of two pixels: at a distance of 4 KB they would share a set of the cache.
-const PADDING: usize = 8;
-
 /// Counts of a sweep and its background.
 #[derive(Clone, Copy)]
 pub struct Input<'a> {
-    /// Counts (m, y, x).
-    pub counts: &'a [u16],
+    /// Counts.
+    pub counts: &'a StripCounts,
     /// S(m).
     pub source: &'a [f32],
     /// v (y, x).
@@ -157,15 +154,21 @@ impl Transform {
             bands.push((band, own));
             rest = others;
         }
-        bands.par_iter_mut().try_for_each_init(
+        let zoom = Zoom::new(&self.table, depths.clone());
+        let wanted = Wanted { depths: &depths, zoom: zoom.as_ref(), shifts };
+        bands.par_iter_mut().enumerate().try_for_each_init(
             || Workspace::new(self),
-            |workspace, (band, lines)| {
-                for from in (0..width).step_by(STRIP) {
-                    let columns = from..(from + STRIP).min(width);
-                    let strip = Strip { band: band.clone(), columns, depths: depths.clone() };
-                    let remove = RemoveTask { grid: &self.grid, input, strip: &strip, workspace };
-                    self.path.run(remove)?;
-                    self.transform(shifts, &strip, workspace, lines, &take)?;
+            |workspace, (number, (band, lines))| {
+                for first in (0..width).step_by(STRIP) {
+                    let strip = Strip { band: band.clone(), number, first };
+                    let Workspace { samples, .. } = workspace;
+                    self.path.run(RemoveTask {
+                        grid: &self.grid,
+                        input,
+                        strip: &strip,
+                        samples,
+                    })?;
+                    self.transform(wanted, &strip, workspace, lines, &take)?;
                 }
                 Ok(())
             },
@@ -175,214 +178,99 @@ impl Transform {
     /// All pixels of a strip, whose samples are free of background.
     fn transform<T>(
         &self,
-        shifts: Option<&[f32]>,
+        wanted: Wanted<'_>,
         strip: &Strip,
         workspace: &mut Workspace,
         lines: &mut [Vec<&mut [T]>],
         take: &impl Fn(usize, Complex32) -> T,
     ) -> Result<()> {
-        let Workspace { samples, spectra, scratch, .. } = workspace;
-        let (columns, width, stride) = (&strip.columns, self.grid.width, self.images + PADDING);
-        for ((row, y), lines) in strip.band.clone().enumerate().zip(lines) {
-            for from in (0..columns.len()).step_by(GROUP) {
-                let pixels = GROUP.min(columns.len() - from);
-                let first = columns.start + from;
-                let own = shifts.map(|shifts| &shifts[y * width + first..][..pixels]);
-                let samples = &samples[row * STRIP + from..];
-                self.path.run(TurnTask { table: &self.table, samples, shifts: own, spectra })?;
-                for spectrum in spectra.chunks_exact_mut(stride).take(pixels) {
-                    self.fft.process_with_scratch(&mut spectrum[..self.images], scratch);
+        let Wanted { depths, zoom, shifts } = wanted;
+        let Workspace { samples, spectra, scratch, zoomed } = workspace;
+        let (path, width, stride) = (self.path, self.grid.width, self.images + PADDING);
+        for (group, row) in self.groups(strip) {
+            let x = group.start % width;
+            let samples = &samples[row * STRIP + x - strip.first..];
+            let own = shifts.map(|shifts| padded(&shifts[group.clone()]));
+            let columns = x..x + group.len();
+            let lines = lines[row].iter_mut().map(|line| &mut line[columns.clone()]);
+            match zoom {
+                Some(zoom) => {
+                    let shifts = &own.unwrap_or_default();
+                    path.run(ZoomTask { zoom, samples, shifts, zoomed })?;
+                    store(lines, depths, take, |i, p| zoomed[i].pixel(p));
                 }
-                for (line, z) in lines.iter_mut().zip(strip.depths.clone()) {
-                    let group = line[first..first + pixels].iter_mut().enumerate();
-                    group.for_each(|(p, value)| *value = take(z, spectra[p * stride + z]));
+                None => {
+                    let shifts = own.as_ref();
+                    path.run(TurnTask { table: &self.table, samples, shifts, spectra })?;
+                    for spectrum in spectra.chunks_exact_mut(stride).take(group.len()) {
+                        self.fft.process_with_scratch(&mut spectrum[..self.images], scratch);
+                    }
+                    store(lines, depths, take, |i, p| spectra[p * stride + depths.start + i]);
                 }
             }
         }
         Ok(())
     }
+
+    /// Pixels (y, x) that are turned together, row after row of a strip, and the row in its band.
+    fn groups(&self, strip: &Strip) -> impl Iterator<Item = (Range<usize>, usize)> {
+        let (width, first) = (self.grid.width, strip.first);
+        let end = (first + STRIP).min(width);
+        strip.band.clone().enumerate().flat_map(move |(row, y)| {
+            let starts = (first..end).step_by(GROUP);
+            starts.map(move |x| (y * width + x..y * width + (x + GROUP).min(end), row))
+        })
+    }
 }
 
-/// Neighbouring pixels that are worked on together.
-struct Strip {
-    /// Rows, a band of the grid.
-    band: Range<usize>,
-    columns: Range<usize>,
-    /// Depths that are wanted of them.
-    depths: Range<usize>,
+/// What is wanted of all pixels.
+#[derive(Clone, Copy)]
+struct Wanted<'a> {
+    depths: &'a Range<usize>,
+    /// Where the depths are few.
+    zoom: Option<&'a Zoom<'a>>,
+    /// Axial shift of every pixel (y, x).
+    shifts: Option<&'a [f32]>,
+}
+
+/// A group's numbers; it may be short.
+fn padded(numbers: &[f32]) -> [f32; GROUP] {
+    let mut own = [0.0; GROUP];
+    own[..numbers.len()].copy_from_slice(numbers);
+    own
+}
+
+/// What `take` makes of `u` (i-th depth, p-th pixel) into a group's part of each depth's row.
+fn store<'a, T: 'a>(
+    lines: impl Iterator<Item = &'a mut [T]>,
+    depths: &Range<usize>,
+    take: &impl Fn(usize, Complex32) -> T,
+    u: impl Fn(usize, usize) -> Complex32,
+) {
+    for (i, (line, z)) in lines.zip(depths.clone()).enumerate() {
+        line.iter_mut().enumerate().for_each(|(p, value)| *value = take(z, u(i, p)));
+    }
 }
 
 /// Buffers of one thread.
 struct Workspace {
     /// Background-free samples of a strip, (m, row, x).
     samples: Vec<f32>,
-    /// Fixed fringes at the rows of blocks above and below.
-    fixed: [[f32; STRIP]; 2],
     /// (pixel, m), each with its padding.
     spectra: Vec<Complex32>,
     scratch: Vec<Complex32>,
+    zoomed: Zoomed,
 }
 
 impl Workspace {
     fn new(transform: &Transform) -> Self {
         let Transform { images, fft, .. } = transform;
         Self {
-            samples: vec![0.0; images * BLOCK * STRIP + GROUP],
-            fixed: [[0.0; STRIP]; 2],
+            samples: vec![0.0; images * BLOCK * STRIP],
             spectra: vec![Complex32::default(); GROUP * (images + PADDING)],
             scratch: vec![Complex32::default(); fft.get_inplace_scratch_len()],
+            zoomed: Zoomed::default(),
         }
-    }
-}
-
-/// Take the background off a strip.
-struct RemoveTask<'a> {
-    grid: &'a Grid,
-    input: Input<'a>,
-    strip: &'a Strip,
-    workspace: &'a mut Workspace,
-}
-
-impl LaneTask for RemoveTask<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<L: Lanes<Element = f32>>(self) {
-        let Self { grid, input, strip: Strip { band, columns, .. }, workspace } = self;
-        let Workspace { samples, fixed: [upper, lower], .. } = workspace;
-        let (pixels, width) = (grid.height * grid.width, grid.width);
-        let images = input.counts.chunks_exact(pixels).zip(input.fixed.chunks_exact(grid.blocks()));
-        let lines = samples.chunks_exact_mut(BLOCK * STRIP).zip(input.source);
-        for ((lines, &source), (counts, fixed)) in lines.zip(images) {
-            grid.interpolate(fixed, band, columns, [upper, lower]);
-            for (line, y) in lines.chunks_exact_mut(STRIP).zip(band.clone()) {
-                let (place, share) = (y * width + columns.start, grid.share_below(y));
-                let light = &input.illumination[place..][..columns.len()];
-                let counts = &counts[place..][..columns.len()];
-                let fixed = upper.iter().zip(&*lower);
-                let known = counts.iter().zip(light).zip(fixed);
-                for (sample, ((&count, v), (a, b))) in line.iter_mut().zip(known) {
-                    *sample = f32::from(count) - source * v - (a + share * (b - a));
-                }
-            }
-        }
-    }
-}
-
-/// Window, dispersion and axial shift on a group of pixels, and pixels first.
-struct TurnTask<'a> {
-    table: &'a [Complex32],
-    /// From the group's first pixel on, (m, x) with a stride of one strip.
-    samples: &'a [f32],
-    /// Axial shift of each pixel, in depth pixels.
-    shifts: Option<&'a [f32]>,
-    spectra: &'a mut [Complex32],
-}
-
-impl LaneTask for TurnTask<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<L: Lanes<Element = f32>>(self) {
-        let Self { table, samples, shifts, spectra } = self;
-        match shifts {
-            Some(shifts) => {
-                let mut all = [0.0; GROUP];
-                all.iter_mut().zip(shifts).for_each(|(all, &shift)| *all = shift);
-                turn_with_shifts(table, samples, &all, spectra);
-            }
-            None => turn(table, samples, spectra),
-        }
-    }
-}
-
-#[inline(always)]
-fn turn(table: &[Complex32], samples: &[f32], spectra: &mut [Complex32]) {
-    let mut tile = Tile::new(table.len());
-    for (m, factor) in table.iter().enumerate() {
-        let Some(group) = samples[m * BLOCK * STRIP..].first_chunk::<GROUP>() else { return };
-        let (re, im) = tile.next();
-        for p in 0..GROUP {
-            re[p] = factor.re * group[p];
-            im[p] = factor.im * group[p];
-        }
-        tile.store(m, spectra);
-    }
-}
-
-/// The ramp exp(-i pi s q(m)) is turned on from image to image: exp(-2 pi i s/K) a step. Over K steps
-/// of `f32` it drifts by less than 1e-4.
-#[inline(always)]
-fn turn_with_shifts(
-    table: &[Complex32],
-    samples: &[f32],
-    shifts: &[f32; GROUP],
-    spectra: &mut [Complex32],
-) {
-    let images = table.len();
-    let (mut re, mut im) = ([0.0_f32; GROUP], [0.0_f32; GROUP]);
-    let (mut step_re, mut step_im) = ([0.0_f32; GROUP], [0.0_f32; GROUP]);
-    for (p, &shift) in shifts.iter().enumerate() {
-        let start = -PI * f64::from(shift) * band_coordinate(0, images);
-        let step = -TAU * f64::from(shift) / images as f64;
-        (re[p], im[p]) = (start.cos() as f32, start.sin() as f32);
-        (step_re[p], step_im[p]) = (step.cos() as f32, step.sin() as f32);
-    }
-    let mut tile = Tile::new(images);
-    for (m, factor) in table.iter().enumerate() {
-        let Some(group) = samples[m * BLOCK * STRIP..].first_chunk::<GROUP>() else { return };
-        let (out_re, out_im) = tile.next();
-        for p in 0..GROUP {
-            out_re[p] = (factor.re * re[p] - factor.im * im[p]) * group[p];
-            out_im[p] = (factor.re * im[p] + factor.im * re[p]) * group[p];
-            let next = re[p] * step_re[p] - im[p] * step_im[p];
-            im[p] = re[p] * step_im[p] + im[p] * step_re[p];
-            re[p] = next;
-        }
-        tile.store(m, spectra);
-    }
-}
-
-/// Images that are collected before they are stored pixel by pixel: whole lines of the cache.
-const TILE: usize = 8;
-
-/// Some images of a group of pixels on their way from (m, pixel) to (pixel, m).
-struct Tile {
-    re: [[f32; GROUP]; TILE],
-    im: [[f32; GROUP]; TILE],
-    filled: usize,
-    images: usize,
-}
-
-impl Tile {
-    #[inline(always)]
-    fn new(images: usize) -> Self {
-        Self { re: [[0.0; GROUP]; TILE], im: [[0.0; GROUP]; TILE], filled: 0, images }
-    }
-
-    /// Real and imaginary parts of the next image.
-    #[inline(always)]
-    fn next(&mut self) -> (&mut [f32; GROUP], &mut [f32; GROUP]) {
-        let at = self.filled % TILE;
-        self.filled = at + 1;
-        (&mut self.re[at], &mut self.im[at])
-    }
-
-    /// After image m: store the tile when it is full, or the last.
-    #[inline(always)]
-    fn store(&mut self, m: usize, spectra: &mut [Complex32]) {
-        if self.filled < TILE && m + 1 < self.images {
-            return;
-        }
-        let first = m + 1 - self.filled;
-        let lines = spectra.chunks_exact_mut(self.images + PADDING);
-        for (p, line) in lines.enumerate().take(GROUP) {
-            let line = &mut line[first..first + self.filled];
-            for (i, u) in line.iter_mut().enumerate() {
-                *u = Complex32::new(self.re[i][p], self.im[i][p]);
-            }
-        }
-        self.filled = 0;
     }
 }
 
@@ -390,6 +278,7 @@ impl Tile {
 mod tests {
     use super::super::window::Window;
     use super::*;
+    use std::f64::consts::PI;
 
     const IMAGES: usize = 128;
 
@@ -400,14 +289,18 @@ mod tests {
         let grid = Grid::new(height, width);
         let dispersion = Dispersion { a2: 9.0, a3: -4.0 };
         let sign = if direction == Direction::Up { 1.0 } else { -1.0 };
-        let mut counts = vec![0_u16; IMAGES * height * width];
-        for (i, count) in counts.iter_mut().enumerate() {
-            let (m, x) = (i / (height * width), i % width);
+        let mut counts = StripCounts::new(IMAGES, grid).unwrap();
+        let record = |m: usize, image: &mut [u16]| {
             let q = band_coordinate(m, IMAGES);
-            let theta = 0.4 + 0.01 * x as f64;
-            let phase = PI * (30.0 + 0.1 * x as f64) * q + dispersion.phase(q) + sign * theta;
-            *count = (20_000.0 + 30.0 * q + 8000.0 * phase.cos()).round() as u16;
-        }
+            for (i, count) in image.iter_mut().enumerate() {
+                let x = i % width;
+                let theta = 0.4 + 0.01 * x as f64;
+                let phase = PI * (30.0 + 0.1 * x as f64) * q + dispersion.phase(q) + sign * theta;
+                *count = (20_000.0 + 30.0 * q + 8000.0 * phase.cos()).round() as u16;
+            }
+            Ok(())
+        };
+        let _ = counts.load(record, |_| Ok(())).unwrap();
         let source: Vec<f32> =
             (0..IMAGES).map(|m| 20_000.0 + 30.0 * band_coordinate(m, IMAGES) as f32).collect();
         let illumination = vec![1.0; height * width];
@@ -421,6 +314,11 @@ mod tests {
         transform.fields(input, 0..64, &shifts, &mut out).unwrap();
         let mut amplitudes = vec![0.0; 64 * height * width];
         transform.amplitudes(input, 0..64, &mut amplitudes).unwrap();
+        let mut few = vec![Complex32::default(); 16 * height * width];
+        transform.fields(input, 13..29, &shifts, &mut few).unwrap();
+        let largest = out.iter().map(|u| u.norm()).fold(0.0, f32::max);
+        let same = few.iter().zip(&out[13 * height * width..]);
+        assert!(same.map(|(a, b)| (a - b).norm()).fold(0.0, f32::max) < 3e-6 * largest);
         let place = (30 * height + 1) * width;
         assert!(amplitudes[place] > 0.5 * 8000.0 / 2.0 * IMAGES as f32 / 2.0);
         out

@@ -4,7 +4,7 @@ use super::Arguments;
 use super::pictures::{self, Folder};
 use crate::cli::{Common, check_output, megabytes, print};
 use crate::error::{Error, Result};
-use crate::io::{Format, RawFormat, RawImages, open_raw};
+use crate::io::{Attributes, Format, RawFormat, RawImages, open_raw};
 use crate::reconstruct::dispersion::Dispersion;
 use crate::reconstruct::findings::{Findings, Survey};
 use crate::reconstruct::preparation::Preparation;
@@ -28,6 +28,12 @@ pub(super) struct CameraOptions {
     /// Run log of the trigger board: real times, and a check of the number of sweeps
     #[arg(long, value_name = "RUN.ndjson")]
     run_log: Option<PathBuf>,
+    /// Distance of neighbouring pixels in the retina, um: for the figure's scale bar
+    #[arg(long, value_name = "UM", allow_negative_numbers = true)]
+    pixel_pitch_um: Option<f64>,
+    /// Sweep at which the stimulus began, counted from 0, where no run log tells
+    #[arg(long, value_name = "SWEEP", conflicts_with = "run_log")]
+    stimulus_sweep: Option<u32>,
     /// Depth of the IS/OS at the centre of the field, in depth pixels, where the choice is wrong
     #[arg(long, value_name = "PX", allow_negative_numbers = true)]
     isos_px: Option<f64>,
@@ -50,7 +56,9 @@ pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     }
     check_output("-o", &arguments.output, &[recording.as_path()])?;
     let raw = open_raw(recording)?;
-    let times_s = options.run_log.as_deref().map(times).transpose()?;
+    let run = options.run_log.as_deref().map(times).transpose()?;
+    let (times_s, stimulus_s) = run.map_or((None, None), |(times, began)| (Some(times), began));
+    let notes = notes(options, stimulus_s)?;
     let start = Instant::now();
     let show = Show {
         common,
@@ -64,6 +72,7 @@ pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
         name: recording,
         settings: &settings,
         times_s,
+        notes,
         output: &arguments.output,
         resume: options.resume,
     };
@@ -101,9 +110,29 @@ fn settings(arguments: &Arguments) -> Result<Settings> {
     Ok(settings)
 }
 
-/// Times of the volumes of a run.
-fn times(path: &Path) -> Result<Vec<f64>> {
-    RunLog::read(path)?.volume_times_s().map_err(|error| error.about(path))
+/// Times of the volumes of a run, and of its stimulus.
+fn times(path: &Path) -> Result<(Vec<f64>, Option<f64>)> {
+    let run = RunLog::read(path)?;
+    let times = run.volume_times_s().map_err(|error| error.about(path))?;
+    Ok((times, run.stimulus_s()))
+}
+
+/// What the figure of `phase` is told: where the stimulus began, how large a pixel is.
+fn notes(options: &CameraOptions, stimulus_s: Option<f64>) -> Result<Attributes> {
+    let mut notes = Attributes::new();
+    if let Some(pitch) = options.pixel_pitch_um {
+        if !(pitch.is_finite() && pitch > 0.0) {
+            return Err(Error::usage(format!("--pixel-pitch-um {pitch}: must be above 0")));
+        }
+        notes.insert("pixel_pitch_um".to_owned(), json!(pitch));
+    }
+    if let Some(began) = stimulus_s {
+        notes.insert("stimulus_s".to_owned(), json!(began));
+    }
+    if let Some(sweep) = options.stimulus_sweep {
+        notes.insert("stimulus_sweep".to_owned(), json!(sweep));
+    }
+    Ok(notes)
 }
 
 /// Lines on the terminal and pictures in a folder.

@@ -3,9 +3,9 @@
 //!
 //! ```text
 //! |U|(z, y, x) ── plan (blocks, cells) ── feature (soft logarithm, half-whitened)
-//! feature ── sequence (the last good sweeps) ── two features
+//! feature ── sequence (the last members; saccades and blinks stay apart) ── two features
 //! two features ── search (3-D FFT, no guess) ── lags (sums per cell) ── fit ── PairMotion
-//! pairs ── judge (saccades, blinks) ── solve (weighted robust least squares) ── Motion per sweep
+//! pairs ── judge (which hang together) ── solve (weighted robust least squares) ── Motion per sweep
 //! ```
 //!
 //! Every sweep is compared with several before it. The amplitude serves, not the field: phases of
@@ -30,10 +30,9 @@ mod tests;
 mod whiten;
 
 pub use feature::Feature;
-pub use judge::judge;
 pub use motion::Motion;
 pub use pair::PairMotion;
-pub use sequence::Sequence;
+pub use sequence::{Matches, NEIGHBOURS, Place, Sequence};
 pub use solve::solve;
 
 use plan::Plan;

@@ -1,87 +1,157 @@
-//! Sweep after sweep: each is compared with the last good ones.
+//! Sweep after sweep: each is compared with the last members, and joins them if it matches as they do.
 
 use super::feature::Feature;
 use super::motion::Motion;
 use super::pair::PairMotion;
 use super::{MATCHED, Registration};
+use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
 
 /// Sweeps that a new one is compared with.
-const PREDECESSORS: usize = 6;
-/// Full searches for one sweep: past a saccade the first may mislead, in a blink none succeeds.
-const SEARCHES: usize = 3;
+pub const NEIGHBOURS: usize = 6;
+/// Share of the usual quality of a match below which a sweep is taken for smeared.
+const LEAST_SHARE: f64 = 0.3;
 
-/// The pairs of a recording so far and the features that the next sweep needs.
-#[derive(Default)]
+/// What is known of the sweeps so far.
+#[derive(Clone, Default, Serialize, Deserialize)]
+pub struct Matches {
+    /// Motions between sweeps: (earlier, later, motion).
+    pub pairs: Vec<(usize, usize, PairMotion)>,
+    /// Best quality of each sweep's pairs; 0 for one that was not compared.
+    pub quality: Vec<f64>,
+    /// Motion against the first member, for the members so far.
+    pub members: Vec<(usize, Motion)>,
+}
+
+/// What a sweep became.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Place {
+    /// It does not show the retina, or shows it smeared.
+    Apart,
+    /// The first member; what came before was no picture of the retina.
+    First,
+    /// A member that has moved.
+    Member(Motion),
+}
+
+/// Compares, with the features of the last members.
 pub struct Sequence {
-    held: Vec<(usize, Feature)>,
-    pairs: Vec<(usize, usize, PairMotion)>,
+    registration: Registration,
+    features: VecDeque<(usize, Feature)>,
 }
 
 impl Sequence {
-    /// Continues after `pairs`; [`Sequence::hold`] brings back the features of [`Sequence::held`].
+    /// Without features.
     #[must_use]
-    pub fn resumed(pairs: Vec<(usize, usize, PairMotion)>) -> Self {
-        Self { held: Vec::new(), pairs }
+    pub fn new(registration: Registration) -> Self {
+        Self { registration, features: VecDeque::new() }
     }
 
-    /// Adds a sweep's feature without comparing it.
-    pub fn hold(&mut self, sweep: usize, feature: Feature) {
-        self.held.push((sweep, feature));
-    }
-
-    /// Sweeps whose features are held, oldest first.
-    #[must_use]
-    pub fn held(&self) -> Vec<usize> {
-        self.held.iter().map(|(sweep, _)| *sweep).collect()
-    }
-
-    /// All pairs (earlier, later, motion), for `judge` and `solve`.
-    #[must_use]
-    pub fn pairs(&self) -> &[(usize, usize, PairMotion)] {
-        &self.pairs
-    }
-
-    /// Compares `sweep` with the held ones, newest first, and holds it.
-    pub fn push(&mut self, registration: &Registration, sweep: usize, feature: Feature) {
-        let mut best: Option<(usize, PairMotion)> = None;
-        let mut searches = SEARCHES;
-        for (earlier, held) in self.held.iter().rev() {
-            let guess = best.and_then(|(through, pair)| self.guess(*earlier, through, pair));
-            let near = guess.map(|guess| registration.pair(held, &feature, Some(guess)));
-            let pair = match near {
-                Some(pair) if pair.quality >= MATCHED || searches == 0 => pair,
-                None if searches == 0 => continue,
-                _ => {
-                    searches -= 1;
-                    registration.pair(held, &feature, None)
-                }
-            };
-            if pair.quality >= MATCHED.max(best.map_or(0.0, |b| b.1.quality)) {
-                best = Some((*earlier, pair));
+    /// Give the next sweep its place; `amplitude` is its |U| (z, y, x).
+    pub fn push(&mut self, amplitude: &[f32], matches: &mut Matches) -> Place {
+        let sweep = matches.quality.len();
+        let feature = self.registration.feature(amplitude);
+        let found = self.compare(&feature, matches);
+        let best = found.iter().map(|(_, pair)| pair.quality).fold(0.0, f64::max);
+        let matched = best >= matches.enough();
+        matches.quality.push(best);
+        if !matched && matches.members.len() > 1 {
+            return Place::Apart;
+        }
+        let place = match matched {
+            true => Place::Member(matches.join(sweep, found)),
+            false => {
+                self.features.clear();
+                matches.members = vec![(sweep, Motion::default())];
+                Place::First
             }
-            self.pairs.push((*earlier, sweep, pair));
-        }
-        self.hold(sweep, feature);
-        self.forget();
+        };
+        self.remember(sweep, feature);
+        place
     }
 
-    /// Motion of the newest sweep relative to `earlier` by way of the sweep `through`.
-    fn guess(&self, earlier: usize, through: usize, pair: PairMotion) -> Option<Motion> {
-        let known = |p: &&(usize, usize, PairMotion)| p.0 == earlier && p.1 == through;
-        let first = self.pairs.iter().rev().find(known)?;
-        (first.2.quality >= MATCHED).then(|| first.2.motion.then(pair.motion))
+    /// Bring back the feature of a member that the next sweep is compared with, oldest first.
+    pub fn hold(&mut self, sweep: usize, amplitude: &[f32]) {
+        self.remember(sweep, self.registration.feature(amplitude));
     }
 
-    /// Drops the oldest sweep that matched none, or else the oldest; the newest stays.
-    fn forget(&mut self) {
-        while self.held.len() > PREDECESSORS {
-            let older = &self.held[..self.held.len() - 1];
-            let unmatched = older.iter().position(|(sweep, _)| !self.matched(*sweep));
-            self.held.remove(unmatched.unwrap_or(0));
+    fn remember(&mut self, sweep: usize, feature: Feature) {
+        self.features.push_back((sweep, feature));
+        if self.features.len() > NEIGHBOURS {
+            self.features.pop_front();
         }
     }
 
-    fn matched(&self, sweep: usize) -> bool {
-        self.pairs.iter().any(|p| (p.0 == sweep || p.1 == sweep) && p.2.quality >= MATCHED)
+    /// Motion against each of the last members, the latest first. Where the motion that is known
+    /// from a later one leads nowhere, all shifts are searched.
+    fn compare(&self, feature: &Feature, matches: &Matches) -> Vec<(usize, PairMotion)> {
+        let enough = matches.enough();
+        let mut guess: Option<Motion> = None;
+        let mut found = Vec::new();
+        for (earlier, other) in self.features.iter().rev() {
+            let Some(known) = matches.motion_of(*earlier) else { continue };
+            let near = guess.map(|whole| known.to(whole));
+            let mut pair = self.registration.pair(other, feature, near);
+            if near.is_some() && pair.quality < MATCHED {
+                pair = self.registration.pair(other, feature, None);
+            }
+            if pair.quality >= enough {
+                guess.get_or_insert(known.then(pair.motion));
+            }
+            found.push((*earlier, pair));
+        }
+        found
     }
+}
+
+impl Matches {
+    /// A sweep that is not compared, for a fault.
+    pub fn skip(&mut self) {
+        self.quality.push(0.0);
+    }
+
+    /// The members that the next sweep is compared with, oldest first.
+    #[must_use]
+    pub fn last_members(&self) -> Vec<usize> {
+        let first = self.members.len().saturating_sub(NEIGHBOURS);
+        self.members[first..].iter().map(|member| member.0).collect()
+    }
+
+    /// Quality of a match: above chance, and not far below what is usual here. A sweep that is
+    /// smeared by a saccade matches a little.
+    fn enough(&self) -> f64 {
+        let of = |&(sweep, _): &(usize, Motion)| self.quality[sweep];
+        let mut usual: Vec<f64> = self.members.iter().skip(1).map(of).collect();
+        usual.sort_by(f64::total_cmp);
+        usual.get(usual.len() / 2).map_or(MATCHED, |usual| MATCHED.max(LEAST_SHARE * usual))
+    }
+
+    fn motion_of(&self, sweep: usize) -> Option<Motion> {
+        self.members.iter().find(|(member, _)| *member == sweep).map(|(_, motion)| *motion)
+    }
+
+    /// A new member with its motions against earlier ones; its own is their mean.
+    fn join(&mut self, sweep: usize, found: Vec<(usize, PairMotion)>) -> Motion {
+        let matched = found.into_iter().filter(|(_, pair)| pair.quality >= MATCHED);
+        let matched: Vec<(usize, PairMotion)> = matched.collect();
+        let whole = |(earlier, pair): &(usize, PairMotion)| {
+            Some((self.motion_of(*earlier)?.then(pair.motion), pair.quality))
+        };
+        let motion = average(&matched.iter().filter_map(whole).collect::<Vec<_>>());
+        self.pairs.extend(matched.into_iter().map(|(earlier, pair)| (earlier, sweep, pair)));
+        self.members.push((sweep, motion));
+        motion
+    }
+}
+
+/// Mean of motions that say the same, weighted by their quality squared.
+fn average(motions: &[(Motion, f64)]) -> Motion {
+    let total: f64 = motions.iter().map(|(_, quality)| quality * quality).sum();
+    let mut mean = Motion::default();
+    for (motion, quality) in motions {
+        let share = quality * quality / total;
+        mean.rotation_rad += share * motion.rotation_rad;
+        mean.shift.iter_mut().zip(motion.shift).for_each(|(mean, shift)| *mean += share * shift);
+    }
+    mean
 }

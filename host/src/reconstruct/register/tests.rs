@@ -36,22 +36,22 @@ fn off(found: Motion, truth: Motion) -> f64 {
 }
 
 /// Sweeps compared one after the other, each of the field that `field` gives.
-fn sequence(
+fn matches(
     seed: u64,
     motions: &[Motion],
     field: impl Fn(&Scene, usize) -> Vec<Complex32>,
-) -> Sequence {
-    let registration = registration();
+) -> Matches {
     let mut scene = Scene::new(eye(seed));
-    let mut sequence = Sequence::default();
+    let mut sequence = Sequence::new(registration());
+    let mut matches = Matches::default();
     for sweep in 0..motions.len() {
         if sweep > 0 {
             scene.advance();
         }
         let amplitude = scene.detect(field(&scene, sweep));
-        sequence.push(&registration, sweep, registration.feature(&amplitude));
+        sequence.push(&amplitude, &mut matches);
     }
-    sequence
+    matches
 }
 
 #[test]
@@ -78,7 +78,7 @@ fn saccades_and_blinks_are_left_out_and_the_rest_lines_up() {
         .collect();
     truth[4..].iter_mut().for_each(|m| m.shift[1] -= 15.0);
     let (smeared, closed) = (3, 6);
-    let sequence = sequence(2, &truth, |scene, sweep| {
+    let matches = matches(2, &truth, |scene, sweep| {
         if sweep == closed {
             vec![Complex32::ZERO; SIZE.iter().product()]
         } else if sweep == smeared {
@@ -87,12 +87,13 @@ fn saccades_and_blinks_are_left_out_and_the_rest_lines_up() {
             scene.field(truth[sweep])
         }
     });
-    let good = judge(truth.len(), sequence.pairs());
-    let expected: Vec<bool> = (0..truth.len()).map(|s| s != smeared && s != closed).collect();
-    assert_eq!(good, expected);
-    let found = solve(truth.len(), sequence.pairs());
+    let members: Vec<usize> = matches.members.iter().map(|member| member.0).collect();
+    let expected: Vec<usize> =
+        (0..truth.len()).filter(|s| ![smeared, closed].contains(s)).collect();
+    assert_eq!(members, expected);
+    let found = solve(truth.len(), &matches.pairs);
     for (sweep, found) in found.iter().enumerate() {
-        assert_eq!(found.is_some(), good[sweep]);
+        assert_eq!(found.is_some(), expected.contains(&sweep));
         if let Some(found) = found {
             let relative = truth[0].to(truth[sweep]);
             assert!(off(*found, relative) < 0.1, "sweep {sweep}: {found:?}, not {relative:?}");

@@ -53,13 +53,11 @@ impl RunLog {
             Some(ticks) => (TimedBy::Exposed, ticks),
             None => (TimedBy::Camera, triggers),
         };
-        let since = |tick: &u64| tick.saturating_sub(start) as f64;
-        let by_clock = |rate: f64| ticks.iter().map(|tick| since(tick) / rate).collect();
-        let fit = self.fit().filter(crate::trigger::clock::Fit::is_useful);
+        let by_clock = |rate: f64| ticks.iter().map(|&tick| since(start, tick) / rate).collect();
         Ok(VolumeTimes {
             by,
-            nominal_s: by_clock(f64::from(self.header.ticks_per_second)),
-            fitted_s: fit.map(|fit| by_clock(fit.ticks_per_second)),
+            nominal_s: by_clock(self.nominal_rate()),
+            fitted_s: self.fitted_rate().map(by_clock),
         })
     }
 
@@ -71,6 +69,24 @@ impl RunLog {
         Ok(self.times()?.best_s().to_vec())
     }
 
+    /// When the stimulus first went on, on the axis of [`Self::volume_times_s`]; none if it did not.
+    #[must_use]
+    pub fn stimulus_s(&self) -> Option<f64> {
+        let first = *self.ticks(Channel::Stimulus, true).first()?;
+        Some(since(self.start?, first) / self.fitted_rate().unwrap_or_else(|| self.nominal_rate()))
+    }
+
+    /// Ticks per second of the board's nominal clock.
+    fn nominal_rate(&self) -> f64 {
+        f64::from(self.header.ticks_per_second)
+    }
+
+    /// Ticks per second as the host's clock saw them, if that is known well enough.
+    fn fitted_rate(&self) -> Option<f64> {
+        let fit = self.fit().filter(crate::trigger::clock::Fit::is_useful)?;
+        Some(fit.ticks_per_second)
+    }
+
     /// EXPOSE edges, if there is one for each of the volumes.
     fn exposed_ticks(&self, volumes: usize) -> Option<Vec<u64>> {
         let in_order = self.exposures.iter().enumerate();
@@ -80,4 +96,9 @@ impl RunLog {
         let ticks: Vec<u64> = each.collect::<Option<_>>()?;
         (volumes > 0 && ticks.len() == volumes).then_some(ticks)
     }
+}
+
+/// Ticks after time zero.
+fn since(start: u64, tick: u64) -> f64 {
+    tick.saturating_sub(start) as f64
 }
