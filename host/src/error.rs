@@ -37,11 +37,16 @@ impl Error {
     #[must_use]
     pub fn about(self, path: &Path) -> Self {
         match self {
-            Self::Failed(message) if !message.starts_with(&path.display().to_string()) => {
-                Self::file(path, message)
-            }
+            Self::Failed(_) if self.names(path) => self,
+            Self::Failed(message) => Self::file(path, message),
             other => other,
         }
+    }
+
+    /// Whether it is about this file or folder.
+    #[must_use]
+    pub fn names(&self, path: &Path) -> bool {
+        matches!(self, Self::Failed(message) if message.starts_with(&path.display().to_string()))
     }
 
     /// Anything else that failed.

@@ -22,10 +22,16 @@ pub fn phasewalk() -> &'static Path {
         let folder = test.parent().and_then(Path::parent).expect("it lies in target/PROFILE/deps");
         let cargo = env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
         let mut build = Command::new(cargo);
-        build.args(["build", "--quiet", "--package", "phasewalk", "--target-dir"]);
+        build.args(["build", "--quiet", "--bin", "phasewalk", "--target-dir"]);
         build.arg(folder.parent().expect("PROFILE lies in target")).current_dir(workspace());
         if folder.ends_with("release") {
-            build.arg("--release");
+            build.args(["--release", "--package", "phasewalk"]);
+        } else {
+            // The same packages and features as of the tests: nothing is compiled again.
+            build.arg("--workspace");
+            if cfg!(feature = "emulated-boards") {
+                build.args(["--features", "phasewalk-tests/emulated-boards"]);
+            }
         }
         let output = build.output().expect("cargo can be run");
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

@@ -189,7 +189,45 @@ fn another_recording_is_not_resumed() {
     assert_eq!(bench.names(), ["R", "V.zarr"]);
 }
 
+/// What an earlier run left is checked before it is gone on with.
+#[test]
+fn damaged_or_foreign_state_is_not_gone_on_with() {
+    let bench = small();
+    let line = reconstruct("--no-pictures -o V.zarr");
+    let mut milliseconds = 100;
+    while !bench.path(".V.zarr.unfinished/first-pass").exists() {
+        assert!(milliseconds < 30_000, "nothing was kept");
+        let _ = fs::remove_dir_all(bench.path("V.zarr"));
+        let _ = run_for(&bench, &line, Duration::from_millis(milliseconds));
+        milliseconds += 50;
+    }
+    let state = bench.path(".V.zarr.unfinished/first-pass");
+    let kept = fs::read(&state).unwrap();
+    let mut damaged = kept.clone();
+    damaged[kept.len() / 2] ^= 1;
+    fs::write(&state, damaged).unwrap();
+    let resume = format!("{line} --resume");
+    bench.run(&resume).refused(1, &[".V.zarr.unfinished", "damaged", "--resume"]);
+    fs::write(&state, kept).unwrap();
+    let header = fs::read(bench.path("R/run.cihx")).unwrap();
+    fs::write(bench.path("R/run.cihx"), header).unwrap();
+    bench.run(&resume).refused(2, &["--resume", "another recording"]);
+    let _ = bench.succeed(&line);
+    bench.run(&resume).refused(2, &["--resume", "V.zarr is finished"]);
+    assert_eq!(bench.names(), ["R", "V.zarr"]);
+}
+
 // ---- bad recordings -------------------------------------------------------------------------
+
+/// A camera's recording is not simulated over.
+#[test]
+fn a_camera_recording_is_not_replaced() {
+    let bench = small();
+    fs::remove_dir_all(bench.path("R/truth.zarr")).unwrap();
+    let before = fs::read(bench.path("R/run.cihx")).unwrap();
+    refuse(&bench, "simulate oct --sweeps 6 -o R", 1, &["R", "truth.zarr", "another name"]);
+    assert_eq!(fs::read(bench.path("R/run.cihx")).unwrap(), before);
+}
 
 /// Refused with one line, and nothing left behind.
 fn refuse(bench: &Bench, line: &str, status: i32, words: &[&str]) {
@@ -208,6 +246,14 @@ fn what_is_missing_is_named() {
     refuse(&bench, &reconstruct("-o R"), 2, &["R"]);
     let absurd = reconstruct(out).replace("--bandwidth-nm 51", "--bandwidth-nm 900");
     refuse(&bench, &absurd, 2, &["--bandwidth-nm"]);
+    let beyond = reconstruct("--stimulus-sweep 10 -o V.zarr");
+    refuse(&bench, &beyond, 2, &["--stimulus-sweep 10", "0..9"]);
+    refuse(&bench, &reconstruct("--mirror R/mask.npy -o V.zarr"), 2, &["--mirror", "spectra"]);
+    let images = "reconstruct R/mask.npy --images 256 -o V.zarr";
+    refuse(&bench, images, 2, &["--images", "camera recordings"]);
+    fs::write(bench.path("V.steps"), "").unwrap();
+    refuse(&bench, &reconstruct(out), 1, &["V.steps", "is a file"]);
+    fs::remove_file(bench.path("V.steps")).unwrap();
     let nothing = reconstruct(out).replace("R/run.cihx", "R/no.cihx");
     refuse(&bench, &nothing, 1, &["no.cihx", "no such file"]);
     let mask = reconstruct(out).replace("R/run.cihx", "R/mask.npy");

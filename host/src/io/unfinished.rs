@@ -35,6 +35,12 @@ impl Unfinished {
         Ok(Self { folder, target, bytes })
     }
 
+    /// Whether an earlier run left something beside the target.
+    #[must_use]
+    pub fn is_left(target: &Path) -> bool {
+        folder_beside(&behind_links(target)).is_ok_and(|folder| folder.exists())
+    }
+
     /// Where the result grows.
     #[must_use]
     pub fn path(&self) -> PathBuf {

@@ -19,7 +19,10 @@ use crate::io::RawImages;
 use crate::progress::Progress;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::time::{Duration, Instant};
 
+/// What an end without warning costs at the most.
+const KEPT_EVERY: Duration = Duration::from_secs(30);
 /// Parts of the image, along each side, whose mean residual tells the start of the camera.
 const PARTS: usize = 4;
 
@@ -107,15 +110,21 @@ impl<'a> FirstPass<'a> {
         (counts + volumes + residuals) as u64 + features + PROGRAM
     }
 
-    /// All sweeps that are left. On interruption the state is that of the last finished sweep.
+    /// All sweeps that are left. On interruption the state is that of the last finished sweep; `keep`
+    /// is given it from time to time, for an end without warning.
     ///
     /// # Errors
     /// When the recording cannot be read, or the user interrupts.
-    pub fn run(&mut self, progress: &Progress) -> Result<()> {
+    pub fn run(&mut self, progress: &Progress, keep: impl Fn(&State) -> Result<()>) -> Result<()> {
         progress.advance(self.state.next as u64)?;
+        let mut kept = Instant::now();
         while self.state.next < self.plan.sweeps.len() {
             self.sweep()?;
             progress.advance(1)?;
+            if kept.elapsed() > KEPT_EVERY {
+                keep(&self.state)?;
+                kept = Instant::now();
+            }
         }
         Ok(())
     }
@@ -187,22 +196,18 @@ impl<'a> FirstPass<'a> {
     /// Mean residual in 4 x 4 parts of the image, (part, m).
     fn trace(&self, background: &Background) -> Vec<f32> {
         let Grid { rows, columns, .. } = self.grid;
-        let part = |i: usize| {
-            let rows = i / PARTS * rows / PARTS..(i / PARTS + 1) * rows / PARTS;
-            let columns = i % PARTS * columns / PARTS..(i % PARTS + 1) * columns / PARTS;
-            (rows, columns)
-        };
-        let images = background.residual.chunks_exact(self.grid.blocks());
-        let mean = |i: usize| {
-            let (rows, across) = part(i);
+        let part =
+            |number: usize, length: usize| number * length / PARTS..(number + 1) * length / PARTS;
+        let mean = |image: &[f32], i: usize| {
+            let (rows, across) = (part(i / PARTS, rows), part(i % PARTS, columns));
             let count = (rows.len() * across.len()).max(1) as f32;
-            let line = move |image: &[f32]| {
-                let lines = rows.clone().map(|row| &image[row * columns..][across.clone()]);
-                lines.flatten().sum::<f32>() / count
-            };
-            images.clone().map(line).collect::<Vec<f32>>()
+            let lines = rows.map(|row| image[row * columns..][across.clone()].iter().sum::<f32>());
+            lines.sum::<f32>() / count
         };
-        (0..PARTS * PARTS).flat_map(mean).collect()
+        let images = background.residual.par_chunks_exact(self.grid.blocks());
+        let means: Vec<[f32; PARTS * PARTS]> =
+            images.map(|image| std::array::from_fn(|i| mean(image, i))).collect();
+        (0..PARTS * PARTS).flat_map(|i| means.iter().map(move |m| m[i])).collect()
     }
 }
 

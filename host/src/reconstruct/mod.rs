@@ -14,7 +14,7 @@
 //! | `counts`, `strips`, `illumination`, `background`, `grid` | the camera's side: counts, dead pixels, source and fixed fringes |
 //! | `scan`, `sweeps` | where each sweep begins, and what is wrong with it |
 //! | `lines`, `dispersion`, `sharpness`, `fringes`, `simplex` | the phase that blurs depth |
-//! | `spectrum`: `remove`, `turn`, `zoom` | counts to depth |
+//! | `spectrum`: `remove`, `pairs`, `zoom`, `whole`, `turn` | counts to depth |
 //! | `register`, `resample` | how the eye moved, and the motion undone |
 //! | `mean`, `segment`, `quantile` | averaged volume and its surfaces |
 //! | `jitter` | late starts of the camera |
@@ -38,6 +38,7 @@ pub mod linearise;
 pub mod lines;
 pub mod mean;
 pub mod mirror;
+mod pairs;
 pub mod preparation;
 pub mod preview;
 mod quantile;
@@ -57,5 +58,6 @@ pub mod spectrum;
 pub mod strips;
 pub mod sweeps;
 mod turn;
+mod whole;
 pub mod window;
 mod zoom;

@@ -48,6 +48,8 @@ pub struct Job<'a> {
 
 /// What the user is told while it goes on.
 pub trait Observer {
+    /// An earlier run did so many sweeps of a pass already.
+    fn goes_on(&self, pass: &str, sweeps: usize);
     /// Sweeps are known, the passes begin.
     fn prepared(&self, plan: &Preparation, memory: u64);
     /// The layers are known: time for pictures. Not called again when a later run goes on.
@@ -72,14 +74,22 @@ impl Job<'_> {
                 format.width, format.height
             )));
         }
+        if self.resume && self.output.exists() && !Unfinished::is_left(self.output) {
+            return Err(Error::usage(format!(
+                "--resume: {} is finished, there is nothing to go on with; leave --resume out to \
+                 replace it",
+                self.output.display()
+            )));
+        }
         let clock = Clock::start();
         let plan = preparation::prepare(self.raw, self.settings)?;
         self.check_times(&plan)?;
+        self.check_stimulus(&plan)?;
         let memory = self.memory(&plan);
         observer.prepared(&plan, memory);
         let work = self.open_work()?;
         let prepared_s = clock.seconds();
-        let (analysis, survey, passed_s) = match self.first_pass(&plan, &work) {
+        let (analysis, survey, passed_s) = match self.first_pass(&plan, &work, observer) {
             Ok(passed) => passed,
             Err(kept @ Error::Kept(_)) => return Err(kept),
             Err(error) => {
@@ -96,7 +106,7 @@ impl Job<'_> {
             observer.analysed(&findings, &survey)?;
         }
         let clock = Clock::start();
-        let path = self.second_pass(&findings, work)?;
+        let path = self.second_pass(&findings, work, observer)?;
         findings.seconds[3] = clock.seconds();
         Ok((findings, path))
     }
@@ -113,6 +123,18 @@ impl Job<'_> {
         )))
     }
 
+    /// A stimulus after the last sweep is a slip.
+    fn check_stimulus(&self, plan: &Preparation) -> Result<()> {
+        let began = self.notes.get("stimulus_sweep").and_then(serde_json::Value::as_u64);
+        match began.filter(|&sweep| sweep >= plan.sweeps.len() as u64) {
+            Some(sweep) => Err(Error::usage(format!(
+                "--stimulus-sweep {sweep}: the sweeps are 0..{}",
+                plan.sweeps.len() - 1
+            ))),
+            None => Ok(()),
+        }
+    }
+
     /// Peak memory of the passes, bytes.
     fn memory(&self, plan: &Preparation) -> u64 {
         let format = self.raw.format();
@@ -122,15 +144,25 @@ impl Job<'_> {
         first.max(SecondPass::bytes(plan.images, depth, height, width))
     }
 
+    /// When the recording was written, and its size: another one of the same name is not gone on with.
+    fn recorded(&self) -> Result<(u64, Option<std::time::SystemTime>)> {
+        let file = std::fs::metadata(self.name)
+            .map_err(|error| Error::file(self.name, format!("cannot be read: {error}")))?;
+        Ok((file.len(), file.modified().ok()))
+    }
+
     fn open_work(&self) -> Result<Unfinished> {
         let format = self.raw.format();
         let pixels = (format.height * format.width * size_of::<num_complex::Complex32>()) as u64;
         let depth = if self.settings.full { self.settings.images as u64 / 2 } else { 24 };
         let sweeps = (format.images / self.settings.images) as u64 + 1;
         let work = Unfinished::open(self.output, sweeps * depth * pixels, self.resume)?;
-        let job = serde_json::to_vec(&(self.name, self.settings, format.images, format.bits))
+        let version = env!("CARGO_PKG_VERSION");
+        let job = (version, self.name, self.recorded()?, self.settings, format.images, format.bits);
+        let job = serde_json::to_vec(&job)
             .map_err(|error| Error::failed(format!("cannot describe the job: {error}")))?;
         match work.load(JOB)? {
+            None if work.load(FIRST)?.or(work.load(ANALYSIS)?).is_some() => Err(damaged(&work)),
             Some(earlier) if earlier != job => Err(Error::usage(format!(
                 "--resume: the unfinished run beside {} is of another recording or other settings; \
                  leave --resume out to begin anew",
@@ -149,14 +181,19 @@ impl Job<'_> {
         &self,
         plan: &Preparation,
         work: &Unfinished,
+        observer: &dyn Observer,
     ) -> Result<(Analysis, Option<Survey>, f64)> {
         if let Some(analysis) = load(work, ANALYSIS)? {
             return Ok((analysis, None, 0.0));
         }
         let clock = Clock::start();
-        let mut pass = FirstPass::new(self.raw, plan, load::<State>(work, FIRST)?)?;
+        let earlier = load::<State>(work, FIRST)?;
+        if let Some(state) = &earlier {
+            observer.goes_on("first", state.next);
+        }
+        let mut pass = FirstPass::new(self.raw, plan, earlier)?;
         let progress = Progress::new("first pass", plan.sweeps.len() as u64);
-        let outcome = pass.run(&progress);
+        let outcome = pass.run(&progress, |state| save(work, FIRST, state));
         drop(progress);
         let state = pass.into_state();
         if let Err(error) = outcome {
@@ -173,10 +210,18 @@ impl Job<'_> {
         Ok((analysis, Some(survey), passed_s))
     }
 
-    fn second_pass(&self, findings: &Findings, work: Unfinished) -> Result<PathBuf> {
+    fn second_pass(
+        &self,
+        findings: &Findings,
+        work: Unfinished,
+        observer: &dyn Observer,
+    ) -> Result<PathBuf> {
         let Findings { plan, analysis, .. } = findings;
         let format = self.raw.format();
         let next = load::<usize>(&work, NEXT)?.unwrap_or(0);
+        if next > 0 {
+            observer.goes_on("second", next);
+        }
         let layout = VolumesLayout {
             sweeps: plan.sweeps.len(),
             depth: analysis.depths.len(),
@@ -206,12 +251,20 @@ fn kept(error: Error, folder: &Path) -> Error {
             "interrupted: the sweeps done so far are kept in {}; --resume goes on with them",
             folder.display()
         )),
+        Error::Failed(what) => Error::Failed(format!(
+            "{what}; the sweeps done so far are kept in {}: --resume goes on with them",
+            folder.display()
+        )),
         other => other,
     }
 }
 
+/// Guards the state against damage.
+const CHECKSUM: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISCSI);
+
 fn encode(state: &impl Serialize) -> Result<Vec<u8>> {
-    postcard::to_stdvec(state).map_err(|error| Error::failed(format!("cannot keep state: {error}")))
+    postcard::to_stdvec_crc32(state, CHECKSUM.digest())
+        .map_err(|error| Error::failed(format!("cannot keep state: {error}")))
 }
 
 fn save(work: &Unfinished, name: &str, state: &impl Serialize) -> Result<()> {
@@ -220,9 +273,11 @@ fn save(work: &Unfinished, name: &str, state: &impl Serialize) -> Result<()> {
 
 fn load<T: DeserializeOwned>(work: &Unfinished, name: &str) -> Result<Option<T>> {
     let Some(bytes) = work.load(name)? else { return Ok(None) };
-    postcard::from_bytes(&bytes).map(Some).map_err(|_| {
-        Error::file(work.folder(), "its state is damaged: leave --resume out to begin anew")
-    })
+    postcard::from_bytes_crc32(&bytes, CHECKSUM.digest()).map(Some).map_err(|_| damaged(work))
+}
+
+fn damaged(work: &Unfinished) -> Error {
+    Error::file(work.folder(), "its state is damaged: leave --resume out to begin anew")
 }
 
 /// Wall time since it was started.

@@ -1,6 +1,7 @@
 //! Background off the pixels of a strip: I(m) - S(m) v - B(m).
 
 use super::grid::{BLOCK, Grid, STRIP};
+use super::pairs::Line;
 use super::spectrum::Input;
 use crate::lanes::{LaneTask, Lanes};
 use std::ops::Range;
@@ -23,8 +24,8 @@ pub struct RemoveTask<'a> {
     pub input: Input<'a>,
     /// Where.
     pub strip: &'a Strip,
-    /// (m, row, x).
-    pub samples: &'a mut [f32],
+    /// (m, row).
+    pub samples: &'a mut [Line],
 }
 
 impl RemoveTask<'_> {
@@ -53,12 +54,11 @@ impl LaneTask for RemoveTask<'_> {
         let (mut upper, mut lower) = ([0.0; STRIP], [0.0; STRIP]);
         let counts = input.counts.strip(*number, first / STRIP);
         let images = counts.zip(input.source).zip(input.fixed.chunks_exact(grid.blocks()));
-        let (lines, _) = samples.as_chunks_mut::<STRIP>();
-        for (((counts, &source), fixed), lines) in images.zip(lines.chunks_exact_mut(BLOCK)) {
+        for (((counts, &source), fixed), lines) in images.zip(samples.chunks_exact_mut(BLOCK)) {
             grid.interpolate(fixed, band, *first, [&mut upper, &mut lower]);
             let (counts, _) = counts.as_chunks::<STRIP>();
             let rows = lines.iter_mut().zip(counts).zip(light.iter().zip(shares));
-            for ((line, counts), (light, share)) in rows.take(band.len()) {
+            for ((Line(line), counts), (light, share)) in rows.take(band.len()) {
                 for x in 0..STRIP {
                     let fixed = upper[x] + share * (lower[x] - upper[x]);
                     line[x] = f32::from(counts[x]) - source * light[x] - fixed;

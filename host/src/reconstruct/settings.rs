@@ -1,5 +1,6 @@
 //! What the user says about a recording.
 
+use super::dispersion::Dispersion;
 use super::spectra::Compensation;
 use super::spectrum::Direction;
 use crate::error::{Error, Result};
@@ -53,6 +54,17 @@ impl Settings {
                 return Err(Error::usage(format!("{flag} {value}: must be a positive number")));
             }
         }
+        if let Compensation::Known(Dispersion { a2, a3 }) = self.compensation {
+            // Beyond that its phase turns by more than pi from image to image.
+            let most = std::f64::consts::PI * self.images as f64 / 2.0;
+            let turns = 2.0 * a2.abs() + 3.0 * a3.abs();
+            if turns.is_nan() || turns > most {
+                return Err(Error::usage(format!(
+                    "--dispersion {a2},{a3}: 2 |A2| + 3 |A3| must be at most {most:.0} with {} images",
+                    self.images
+                )));
+            }
+        }
         if self.bandwidth_nm >= self.wavelength_nm {
             return Err(Error::usage(format!(
                 "--bandwidth-nm {}: must be less than the wavelength of {} nm",
@@ -97,11 +109,14 @@ mod tests {
     #[test]
     fn wrong_parameters_name_their_flag() {
         type Change = fn(&mut Settings);
-        let cases: [(&str, Change); 5] = [
+        let cases: [(&str, Change); 6] = [
             ("--images 3", |s| s.images = 3),
             ("--wavelength-nm NaN", |s| s.wavelength_nm = f64::NAN),
             ("--bandwidth-nm 0", |s| s.bandwidth_nm = 0.0),
             ("--bandwidth-nm 900", |s| s.bandwidth_nm = 900.0),
+            ("--dispersion", |s| {
+                s.compensation = Compensation::Known(Dispersion { a2: 1e9, a3: 0.0 });
+            }),
             ("--isos-px", |s| s.isos_px = Some(-1.0)),
         ];
         for (words, change) in cases {

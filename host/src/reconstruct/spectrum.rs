@@ -8,15 +8,18 @@
 //! them, are applied at once and leave the phase at the centre of the band alone. So a shift moves
 //! the layers and not their phase, whatever the depth. A down-sweep records the conjugate.
 //!
-//! Pixels are taken in strips of neighbours: background off (`remove`), all phases on (`turn`), FFT;
-//! where few depths are wanted, `zoom` does both.
+//! Pixels are taken in strips of neighbours: background off (`remove`), then phases and transform of 16
+//! pixels at a time (`zoom` where few depths are wanted, else `whole`), or pixel by pixel where K is no
+//! multiple of 256 (`turn` and rustfft).
 
 use super::dispersion::{Dispersion, band_coordinate};
 use super::grid::{BLOCK, Grid, STRIP};
+use super::pairs::{GROUP, Group, Line, POINTS, Samples};
 use super::remove::{RemoveTask, Strip};
 use super::strips::StripCounts;
-use super::turn::{GROUP, PADDING, TurnTask};
-use super::zoom::{Zoom, ZoomTask, Zoomed};
+use super::turn::{PADDING, TurnTask};
+use super::whole::{Whole, WholeTask};
+use super::zoom::{Zoom, ZoomTask};
 use crate::error::Result;
 use crate::lanes::Path;
 use num_complex::Complex32;
@@ -154,10 +157,10 @@ impl Transform {
             bands.push((band, own));
             rest = others;
         }
-        let zoom = Zoom::new(&self.table, depths.clone());
-        let wanted = Wanted { depths: &depths, zoom: zoom.as_ref(), shifts };
+        let way = Way::best(self.images, &depths);
+        let wanted = Wanted { depths: &depths, way: &way, shifts };
         bands.par_iter_mut().enumerate().try_for_each_init(
-            || Workspace::new(self),
+            || Workspace::new(self, depths.len()),
             |workspace, (number, (band, lines))| {
                 for first in (0..width).step_by(STRIP) {
                     let strip = Strip { band: band.clone(), number, first };
@@ -184,29 +187,38 @@ impl Transform {
         lines: &mut [Vec<&mut [T]>],
         take: &impl Fn(usize, Complex32) -> T,
     ) -> Result<()> {
-        let Wanted { depths, zoom, shifts } = wanted;
-        let Workspace { samples, spectra, scratch, zoomed } = workspace;
+        let Wanted { depths, way, shifts } = wanted;
+        let Workspace { samples: lines_of_strip, spectra, scratch, middle, groups } = workspace;
         let (path, width, stride) = (self.path, self.grid.width, self.images + PADDING);
         for (group, row) in self.groups(strip) {
             let x = group.start % width;
-            let samples = &samples[row * STRIP + x - strip.first..];
             let own = shifts.map(|shifts| padded(&shifts[group.clone()]));
-            let columns = x..x + group.len();
-            let lines = lines[row].iter_mut().map(|line| &mut line[columns.clone()]);
-            match zoom {
-                Some(zoom) => {
-                    let shifts = &own.unwrap_or_default();
-                    path.run(ZoomTask { zoom, samples, shifts, zoomed })?;
-                    store(lines, depths, take, |i, p| zoomed[i].pixel(p));
+            let samples = Samples {
+                table: &self.table,
+                lines: lines_of_strip,
+                row,
+                first: x - strip.first,
+                shifts: own.as_ref(),
+            };
+            match way {
+                Way::Few(zoom) => path.run(ZoomTask { zoom, samples, depths: groups })?,
+                Way::Many(whole) => {
+                    path.run(WholeTask { whole, samples, middle, depths: groups })?;
                 }
-                None => {
-                    let shifts = own.as_ref();
-                    path.run(TurnTask { table: &self.table, samples, shifts, spectra })?;
+                Way::Any => {
+                    path.run(TurnTask { samples, spectra })?;
                     for spectrum in spectra.chunks_exact_mut(stride).take(group.len()) {
                         self.fft.process_with_scratch(&mut spectrum[..self.images], scratch);
                     }
-                    store(lines, depths, take, |i, p| spectra[p * stride + depths.start + i]);
                 }
+            }
+            let columns = x..x + group.len();
+            let lines = lines[row].iter_mut().map(|line| &mut line[columns.clone()]);
+            match way {
+                Way::Any => {
+                    store(lines, depths, take, |i, p| spectra[p * stride + depths.start + i])
+                }
+                _ => store(lines, depths, take, |i, p| groups[i].pixel(p)),
             }
         }
         Ok(())
@@ -223,12 +235,27 @@ impl Transform {
     }
 }
 
+/// How depths are made of samples.
+enum Way {
+    Few(Zoom),
+    Many(Whole),
+    /// Pixel by pixel.
+    Any,
+}
+
+impl Way {
+    fn best(images: usize, depths: &Range<usize>) -> Self {
+        let few = Zoom::new(images, depths.clone()).map(Self::Few);
+        let many = || Whole::new(images, depths.clone()).map(Self::Many);
+        few.or_else(many).unwrap_or(Self::Any)
+    }
+}
+
 /// What is wanted of all pixels.
 #[derive(Clone, Copy)]
 struct Wanted<'a> {
     depths: &'a Range<usize>,
-    /// Where the depths are few.
-    zoom: Option<&'a Zoom<'a>>,
+    way: &'a Way,
     /// Axial shift of every pixel (y, x).
     shifts: Option<&'a [f32]>,
 }
@@ -254,22 +281,26 @@ fn store<'a, T: 'a>(
 
 /// Buffers of one thread.
 struct Workspace {
-    /// Background-free samples of a strip, (m, row, x).
-    samples: Vec<f32>,
+    /// Background-free samples of a strip, (m, row).
+    samples: Vec<Line>,
     /// (pixel, m), each with its padding.
     spectra: Vec<Complex32>,
     scratch: Vec<Complex32>,
-    zoomed: Zoomed,
+    /// Between the two rounds of `whole`.
+    middle: Vec<Group>,
+    /// A group of pixels at each depth.
+    groups: Vec<Group>,
 }
 
 impl Workspace {
-    fn new(transform: &Transform) -> Self {
+    fn new(transform: &Transform, depths: usize) -> Self {
         let Transform { images, fft, .. } = transform;
         Self {
-            samples: vec![0.0; images * BLOCK * STRIP],
+            samples: vec![Line([0.0; STRIP]); images * BLOCK],
             spectra: vec![Complex32::default(); GROUP * (images + PADDING)],
             scratch: vec![Complex32::default(); fft.get_inplace_scratch_len()],
-            zoomed: Zoomed::default(),
+            middle: vec![Group::default(); *images],
+            groups: vec![Group::default(); depths.max(POINTS)],
         }
     }
 }
@@ -280,18 +311,20 @@ mod tests {
     use super::*;
     use std::f64::consts::PI;
 
-    const IMAGES: usize = 128;
-
     /// One reflector per pixel at depth d0 + x/10 with phase theta, dispersed, on a source with fixed
     /// fringes; background given.
-    fn transformed(direction: Direction, shift: impl Fn(usize) -> f32) -> Vec<Complex32> {
+    fn transformed(
+        images: usize,
+        direction: Direction,
+        shift: impl Fn(usize) -> f32,
+    ) -> Vec<Complex32> {
         let (height, width) = (3, 70);
         let grid = Grid::new(height, width);
         let dispersion = Dispersion { a2: 9.0, a3: -4.0 };
         let sign = if direction == Direction::Up { 1.0 } else { -1.0 };
-        let mut counts = StripCounts::new(IMAGES, grid).unwrap();
+        let mut counts = StripCounts::new(images, grid).unwrap();
         let record = |m: usize, image: &mut [u16]| {
-            let q = band_coordinate(m, IMAGES);
+            let q = band_coordinate(m, images);
             for (i, count) in image.iter_mut().enumerate() {
                 let x = i % width;
                 let theta = 0.4 + 0.01 * x as f64;
@@ -302,13 +335,13 @@ mod tests {
         };
         let _ = counts.load(record, |_| Ok(())).unwrap();
         let source: Vec<f32> =
-            (0..IMAGES).map(|m| 20_000.0 + 30.0 * band_coordinate(m, IMAGES) as f32).collect();
+            (0..images).map(|m| 20_000.0 + 30.0 * band_coordinate(m, images) as f32).collect();
         let illumination = vec![1.0; height * width];
-        let fixed = vec![0.0; IMAGES * grid.blocks()];
+        let fixed = vec![0.0; images * grid.blocks()];
         let input =
             Input { counts: &counts, source: &source, illumination: &illumination, fixed: &fixed };
         let transform =
-            Transform::new(grid, &Window::Hann.weights(IMAGES), &dispersion, direction).unwrap();
+            Transform::new(grid, &Window::Hann.weights(images), &dispersion, direction).unwrap();
         let shifts: Vec<f32> = (0..height * width).map(|i| shift(i % width)).collect();
         let mut out = vec![Complex32::default(); 64 * height * width];
         transform.fields(input, 0..64, &shifts, &mut out).unwrap();
@@ -320,18 +353,22 @@ mod tests {
         let same = few.iter().zip(&out[13 * height * width..]);
         assert!(same.map(|(a, b)| (a - b).norm()).fold(0.0, f32::max) < 3e-6 * largest);
         let place = (30 * height + 1) * width;
-        assert!(amplitudes[place] > 0.5 * 8000.0 / 2.0 * IMAGES as f32 / 2.0);
+        assert!(amplitudes[place] > 0.5 * 8000.0 / 2.0 * images as f32 / 2.0);
         out
     }
 
     /// Flattened by its own depth each reflector is at 20 with its phase, for both directions.
     #[test]
     fn a_shift_moves_the_reflector_and_not_its_phase() {
-        for direction in [Direction::Up, Direction::Down] {
-            let out = transformed(direction, |x| 10.0 + 0.1 * x as f32);
+        // Pixel by pixel, and 16 together with one and two terms for each depth.
+        let directions = [Direction::Up, Direction::Down];
+        let cases =
+            [128, 256, 512].iter().flat_map(|k| directions.map(|direction| (*k, direction)));
+        for (images, direction) in cases {
+            let out = transformed(images, direction, |x| 10.0 + 0.1 * x as f32);
             for x in [0, 1, 37, 63, 64, 69] {
                 let at = |z: usize| out[(z * 3 + 1) * 70 + x];
-                let expected = 8000.0 / 2.0 * IMAGES as f32 / 2.0;
+                let expected = 8000.0 / 2.0 * images as f32 / 2.0;
                 assert!((at(20).norm() / expected - 1.0).abs() < 0.01, "{x}: {}", at(20).norm());
                 let phase = at(20).arg() - (0.4 + 0.01 * x as f32);
                 assert!(phase.abs() < 2e-3, "{direction:?} {x}: {phase}");

@@ -1,26 +1,21 @@
 //! Window, dispersion and axial shift on pixels, as one spectral phase.
 //!
-//! Samples come image by image and leave pixel by pixel, as the FFT wants them.
+//! Samples come image by image and leave pixel by pixel, as the FFT wants them: for numbers of images
+//! that `zoom` and `whole` do not serve.
 
 use super::dispersion::band_coordinate;
-use super::grid::{BLOCK, STRIP};
+use super::pairs::{GROUP, Samples};
 use crate::lanes::{LaneTask, Lanes};
 use num_complex::Complex32;
 use std::f64::consts::{PI, TAU};
 
-/// Pixels that are turned together.
-pub const GROUP: usize = 16;
 /// Between the spectra of two pixels: at a distance of 4 KB they would share a set of the cache.
 pub const PADDING: usize = 8;
 
 /// Window, dispersion and axial shift on a group of pixels, and pixels first.
 pub struct TurnTask<'a> {
-    /// Window times dispersion correction.
-    pub table: &'a [Complex32],
-    /// From the group's first pixel on, (m, row, x) of a strip.
-    pub samples: &'a [f32],
-    /// Axial shift of each pixel, in depth pixels.
-    pub shifts: Option<&'a [f32; GROUP]>,
+    /// Their samples.
+    pub samples: Samples<'a>,
     /// (pixel, m), each with its padding.
     pub spectra: &'a mut [Complex32],
 }
@@ -30,19 +25,19 @@ impl LaneTask for TurnTask<'_> {
 
     #[inline(always)]
     fn run<L: Lanes<Element = f32>>(self) {
-        let Self { table, samples, shifts, spectra } = self;
-        match shifts {
-            Some(shifts) => turn_with_shifts(table, samples, shifts, spectra),
-            None => turn(table, samples, spectra),
+        let Self { samples, spectra } = self;
+        match samples.shifts {
+            Some(shifts) => turn_with_shifts(samples, shifts, spectra),
+            None => turn(samples, spectra),
         }
     }
 }
 
 #[inline(always)]
-fn turn(table: &[Complex32], samples: &[f32], spectra: &mut [Complex32]) {
-    let mut tile = Tile::new(table.len());
-    for (m, factor) in table.iter().enumerate() {
-        let Some(group) = samples[m * BLOCK * STRIP..].first_chunk::<GROUP>() else { return };
+fn turn(samples: Samples<'_>, spectra: &mut [Complex32]) {
+    let mut tile = Tile::new(samples.table.len());
+    for (m, factor) in samples.table.iter().enumerate() {
+        let Some(group) = samples.at(m).first_chunk::<GROUP>() else { return };
         let (re, im) = tile.next();
         for p in 0..GROUP {
             re[p] = factor.re * group[p];
@@ -55,13 +50,8 @@ fn turn(table: &[Complex32], samples: &[f32], spectra: &mut [Complex32]) {
 /// The ramp exp(-i pi s q(m)) is turned on from image to image: exp(-2 pi i s/K) a step. Over K steps
 /// of `f32` it drifts by less than 1e-4.
 #[inline(always)]
-fn turn_with_shifts(
-    table: &[Complex32],
-    samples: &[f32],
-    shifts: &[f32; GROUP],
-    spectra: &mut [Complex32],
-) {
-    let images = table.len();
+fn turn_with_shifts(samples: Samples<'_>, shifts: &[f32; GROUP], spectra: &mut [Complex32]) {
+    let images = samples.table.len();
     let (mut re, mut im) = ([0.0_f32; GROUP], [0.0_f32; GROUP]);
     let (mut step_re, mut step_im) = ([0.0_f32; GROUP], [0.0_f32; GROUP]);
     for (p, &shift) in shifts.iter().enumerate() {
@@ -71,8 +61,8 @@ fn turn_with_shifts(
         (step_re[p], step_im[p]) = (step.cos() as f32, step.sin() as f32);
     }
     let mut tile = Tile::new(images);
-    for (m, factor) in table.iter().enumerate() {
-        let Some(group) = samples[m * BLOCK * STRIP..].first_chunk::<GROUP>() else { return };
+    for (m, factor) in samples.table.iter().enumerate() {
+        let Some(group) = samples.at(m).first_chunk::<GROUP>() else { return };
         let (out_re, out_im) = tile.next();
         for p in 0..GROUP {
             out_re[p] = (factor.re * re[p] - factor.im * im[p]) * group[p];

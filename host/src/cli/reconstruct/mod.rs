@@ -42,6 +42,15 @@ pub(super) struct Arguments {
 }
 
 impl Arguments {
+    /// The output must be a group.
+    fn expect_group(&self) -> Result<()> {
+        if self.output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("zarr")) {
+            return Ok(());
+        }
+        let given = self.output.display();
+        Err(Error::usage(format!("-o {given}: the result is a group: give a name with .zarr")))
+    }
+
     /// A depth pixel, lambda^2 / (2 n Delta lambda) in µm, where wavelength and width are known.
     fn depth_px_um(&self) -> Result<Option<f64>> {
         let (Some(wavelength), Some(bandwidth)) = (self.wavelength_nm, self.bandwidth_nm) else {
@@ -53,6 +62,14 @@ impl Arguments {
         } else {
             Err(Error::usage("wavelength, width and index must be above 0"))
         }
+    }
+}
+
+/// Refuse options that are for another kind of input.
+fn expect_none(given: &[(&str, bool)], kind: &str) -> Result<()> {
+    match given.iter().find(|(_, given)| *given) {
+        Some((flag, _)) => Err(Error::usage(format!("{flag} is for {kind}: leave it out"))),
+        None => Ok(()),
     }
 }
 

@@ -24,8 +24,18 @@ const HALF_LAYER: isize = 1;
 pub(super) struct Folder(PathBuf);
 
 impl Folder {
-    pub(super) fn beside(output: &Path) -> Self {
-        Self(output.with_extension("steps"))
+    /// # Errors
+    /// When there is something else of that name.
+    pub(super) fn beside(output: &Path) -> Result<Self> {
+        let folder = output.with_extension("steps");
+        if folder.exists() && !folder.is_dir() {
+            return Err(Error::file(
+                &folder,
+                "is a file, the pictures need a folder of that name: remove it, or leave the pictures \
+                 out (--no-pictures)",
+            ));
+        }
+        Ok(Self(folder))
     }
 
     pub(super) fn path(&self) -> &Path {
@@ -38,10 +48,12 @@ pub(super) fn draw(
     folder: &Folder,
     raw: &dyn RawImages,
     settings: &Settings,
+    pitch_um: Option<f64>,
     findings: &Findings,
     survey: &Survey,
 ) -> Result<()> {
-    let show = Show { settings, findings, survey, size: [raw.format().height, raw.format().width] };
+    let size = [raw.format().height, raw.format().width];
+    let show = Show { settings, pitch_um, findings, survey, size };
     let pictures = [
         (Step::Source, show.source()),
         (Step::Dispersion, show.dispersion(raw)?),
@@ -66,6 +78,7 @@ pub(super) fn draw(
 
 struct Show<'a> {
     settings: &'a Settings,
+    pitch_um: Option<f64>,
     findings: &'a Findings,
     survey: &'a Survey,
     size: [usize; 2],
@@ -203,7 +216,7 @@ impl Show<'_> {
             label: &format!("mean of {} sweeps", self.used()),
             layers: layers.collect(),
             dead: ArrayView2::from_shape((height, width), dead).ok(),
-            pitch_um: None,
+            pitch_um: self.pitch_um,
         }
         .draw()
     }

@@ -1,15 +1,16 @@
 //! `phasewalk reconstruct` of a camera recording.
 
-use super::Arguments;
 use super::pictures::{self, Folder};
+use super::{Arguments, expect_none};
 use crate::cli::{Common, check_output, megabytes, print};
 use crate::error::{Error, Result};
-use crate::io::{Attributes, Format, RawFormat, RawImages, open_raw};
+use crate::io::{Attributes, RawFormat, RawImages, Unfinished, open_raw};
 use crate::reconstruct::dispersion::Dispersion;
 use crate::reconstruct::findings::{Findings, Survey};
 use crate::reconstruct::preparation::Preparation;
 use crate::reconstruct::recording::{Job, Observer};
 use crate::reconstruct::settings::Settings;
+use crate::reconstruct::spectra::Compensation;
 use crate::trigger::log::RunLog;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -48,13 +49,31 @@ pub(super) struct CameraOptions {
     no_pictures: bool,
 }
 
+impl CameraOptions {
+    /// Options that mean nothing for recorded spectra.
+    pub(super) fn expect_none(&self) -> Result<()> {
+        let given = [
+            ("--images", self.images.is_some()),
+            ("--full", self.full),
+            ("--run-log", self.run_log.is_some()),
+            ("--pixel-pitch-um", self.pixel_pitch_um.is_some()),
+            ("--stimulus-sweep", self.stimulus_sweep.is_some()),
+            ("--isos-px", self.isos_px.is_some()),
+            ("--outer-segment-um", self.outer_segment_um.is_some()),
+            ("--resume", self.resume),
+            ("--no-pictures", self.no_pictures),
+        ];
+        expect_none(&given, "camera recordings, an .npy file holds spectra")
+    }
+}
+
 pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let (options, recording) = (&arguments.camera, &arguments.recording);
     let settings = settings(arguments)?;
-    if Format::of(&arguments.output)? != Format::Zarr {
-        return Err(Error::usage("-o: the reconstruction is a group: give a name with .zarr"));
-    }
+    arguments.spectra.expect_none()?;
+    arguments.expect_group()?;
     check_output("-o", &arguments.output, &[recording.as_path()])?;
+    let pictures = (!options.no_pictures).then(|| Folder::beside(&arguments.output)).transpose()?;
     let raw = open_raw(recording)?;
     let run = options.run_log.as_deref().map(times).transpose()?;
     let (times_s, stimulus_s) = run.map_or((None, None), |(times, began)| (Some(times), began));
@@ -63,7 +82,8 @@ pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let show = Show {
         common,
         format: raw.format(),
-        pictures: (!options.no_pictures).then(|| Folder::beside(&arguments.output)),
+        pictures,
+        pitch_um: options.pixel_pitch_um,
         raw: raw.as_ref(),
         settings: &settings,
     };
@@ -76,7 +96,13 @@ pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
         output: &arguments.output,
         resume: options.resume,
     };
-    let (findings, path) = job.run(&show).map_err(|error| error.about(recording))?;
+    if !options.resume && !common.json && Unfinished::is_left(&arguments.output) {
+        print("an unfinished run is replaced (--resume would have gone on with it)");
+    }
+    let (findings, path) = job.run(&show).map_err(|error| {
+        let about_output = error.names(&arguments.output);
+        if about_output { error } else { error.about(recording) }
+    })?;
     let seconds = start.elapsed().as_secs_f64();
     if common.json {
         print(&summary(&findings, &show, &path, seconds).to_string());
@@ -140,11 +166,19 @@ struct Show<'a> {
     common: &'a Common,
     format: RawFormat,
     pictures: Option<Folder>,
+    /// Distance of neighbouring pixels.
+    pitch_um: Option<f64>,
     raw: &'a dyn RawImages,
     settings: &'a Settings,
 }
 
 impl Observer for Show<'_> {
+    fn goes_on(&self, pass: &str, sweeps: usize) {
+        if !self.common.json {
+            print(&format!("going on after {sweeps} sweeps of the {pass} pass"));
+        }
+    }
+
     fn prepared(&self, plan: &Preparation, memory: u64) {
         if self.common.json {
             return;
@@ -159,7 +193,8 @@ impl Observer for Show<'_> {
         for (sweep, fault) in plan.sweeps.iter().enumerate().filter(|(_, s)| !s.is_ok()) {
             print(&format!("sweep {sweep} is left out: {}", fault.verdict));
         }
-        if !plan.estimate.is_reliable() {
+        let estimated = self.settings.compensation == Compensation::Estimated;
+        if estimated && !plan.estimate.is_reliable() {
             print(
                 "the dispersion cannot be told from the image (too little signal): give it as \
                  --dispersion A2,A3",
@@ -169,7 +204,10 @@ impl Observer for Show<'_> {
 
     fn analysed(&self, findings: &Findings, survey: &Survey) -> Result<()> {
         match &self.pictures {
-            Some(folder) => pictures::draw(folder, self.raw, self.settings, findings, survey),
+            Some(folder) => {
+                let Self { raw, settings, pitch_um, .. } = *self;
+                pictures::draw(folder, raw, settings, pitch_um, findings, survey)
+            }
             None => Ok(()),
         }
     }

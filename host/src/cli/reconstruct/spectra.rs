@@ -1,11 +1,11 @@
 //! Recorded spectra as `.npy`: k-linearisation from mirrors or a map, dispersion, depth.
 
-use super::Arguments;
+use super::{Arguments, expect_none};
 use crate::cli::{Common, check_output, list, print};
 use crate::error::{Error, Result};
 use crate::figures::bscan::{BScan, BScans};
 use crate::io::npy::{SpectraFile, read_f64_1d};
-use crate::io::{Attributes, Format, VolumeWriter, write_atomic};
+use crate::io::{Attributes, VolumeWriter, write_atomic};
 use crate::progress::Progress;
 use crate::reconstruct::dispersion::Dispersion;
 use crate::reconstruct::mirror::{Sides, Wavenumber, wavenumber};
@@ -66,11 +66,23 @@ enum SidesName {
     Opposite,
 }
 
+impl Options {
+    /// Options that mean nothing for camera recordings.
+    pub(super) fn expect_none(&self) -> Result<()> {
+        let given = [
+            ("--mirror", !self.mirror.is_empty()),
+            ("--k-map", self.k_map.is_some()),
+            ("--depths", self.depths.is_some()),
+            ("--bscan", self.bscan.is_some()),
+        ];
+        expect_none(&given, "recorded spectra (.npy)")
+    }
+}
+
 pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let (options, start) = (&arguments.spectra, Instant::now());
-    if Format::of(&arguments.output)? != Format::Zarr {
-        return Err(Error::usage("-o: the reconstruction is a group: give a name with .zarr"));
-    }
+    arguments.camera.expect_none()?;
+    arguments.expect_group()?;
     check_output("-o", &arguments.output, &options.inputs(&arguments.recording))?;
     let depth_px_um = arguments.depth_px_um()?;
     let file = SpectraFile::open(&arguments.recording)?;

@@ -4,6 +4,7 @@ use super::feature::Feature;
 use super::motion::Motion;
 use super::pair::PairMotion;
 use super::{MATCHED, Registration};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
@@ -82,24 +83,32 @@ impl Sequence {
         }
     }
 
-    /// Motion against each of the last members, the latest first. Where the motion that is known
-    /// from a later one leads nowhere, all shifts are searched.
+    /// Motion against each of the last members, the latest first. Once one has matched, the motions
+    /// against the others are known nearly; where that leads nowhere, all shifts are searched.
     fn compare(&self, feature: &Feature, matches: &Matches) -> Vec<(usize, PairMotion)> {
         let enough = matches.enough();
-        let mut guess: Option<Motion> = None;
+        let any = |other: &Feature| self.registration.pair(other, feature, None);
+        let mut others = self.features.iter().rev();
         let mut found = Vec::new();
-        for (earlier, other) in self.features.iter().rev() {
+        let mut guess = None;
+        for (earlier, other) in others.by_ref() {
             let Some(known) = matches.motion_of(*earlier) else { continue };
-            let near = guess.map(|whole| known.to(whole));
-            let mut pair = self.registration.pair(other, feature, near);
-            if near.is_some() && pair.quality < MATCHED {
-                pair = self.registration.pair(other, feature, None);
-            }
-            if pair.quality >= enough {
-                guess.get_or_insert(known.then(pair.motion));
-            }
+            let pair = any(other);
             found.push((*earlier, pair));
+            if pair.quality >= enough {
+                guess = Some(known.then(pair.motion));
+                break;
+            }
         }
+        let Some(whole) = guess else { return found };
+        let near = |(earlier, other): &(usize, Feature)| {
+            let near = matches.motion_of(*earlier)?.to(whole);
+            let pair = self.registration.pair(other, feature, Some(near));
+            let lost = pair.quality < MATCHED;
+            Some((*earlier, if lost { any(other) } else { pair }))
+        };
+        let others: Vec<&(usize, Feature)> = others.collect();
+        found.extend(others.into_par_iter().filter_map(near).collect::<Vec<_>>());
         found
     }
 }

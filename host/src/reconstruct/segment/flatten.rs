@@ -233,18 +233,22 @@ fn tile_means(volume: Volume, z: usize, tile_rows: usize, tile_columns: usize) -
     sums.iter().zip(counts).map(|(sum, count)| sum / count.max(1.0)).collect()
 }
 
-/// Whole and fractional part of a shift, and the places of `to` that lie inside.
-fn overlap(shift: f64, depths: usize) -> (i64, f32, std::ops::Range<usize>) {
-    let whole = shift.floor() as i64;
-    let low = (-whole).clamp(0, depths as i64) as usize;
-    let high = (depths as i64 - 1 - whole).clamp(low as i64, depths as i64) as usize;
-    (whole, (shift - shift.floor()) as f32, low..high)
+/// The places z for which z + shift lies inside, the place that the first of them comes from, and the
+/// fractional part of the shift; none for a shift beyond the line.
+fn overlap(shift: f64, depths: usize) -> Option<(std::ops::Range<usize>, usize, f32)> {
+    let (whole, depths) = (shift.floor() as i64, depths as i64);
+    if whole.abs() >= depths {
+        return None;
+    }
+    let low = (-whole).max(0);
+    let high = (depths - 1 - whole).clamp(low, depths);
+    let inside = low as usize..high as usize;
+    Some((inside, (low + whole) as usize, (shift - shift.floor()) as f32))
 }
 
 /// sum(z) += line(z + shift).
 fn add_shifted(sum: &mut [f32], line: &[f32], shift: f64) {
-    let (whole, part, inside) = overlap(shift, line.len());
-    let from = (inside.start as i64 + whole) as usize;
+    let Some((inside, from, part)) = overlap(shift, line.len()) else { return };
     let sum = &mut sum[inside];
     let (low, high) = (&line[from..], &line[(from + 1).min(line.len())..]);
     for ((sum, low), high) in sum.iter_mut().zip(low).zip(high) {
@@ -254,8 +258,7 @@ fn add_shifted(sum: &mut [f32], line: &[f32], shift: f64) {
 
 /// Sum over z of line(z + shift) pattern(z).
 fn correlation(line: &[f32], pattern: &[f32], shift: f64) -> f32 {
-    let (whole, part, inside) = overlap(shift, line.len());
-    let from = (inside.start as i64 + whole) as usize;
+    let Some((inside, from, part)) = overlap(shift, line.len()) else { return 0.0 };
     let (low, high) = (&line[from..], &line[(from + 1).min(line.len())..]);
     let pairs = low.iter().zip(high).map(|(low, high)| low + part * (high - low));
     pattern[inside].iter().zip(pairs).map(|(pattern, value)| pattern * value).sum()
@@ -275,4 +278,26 @@ pub(super) fn vertex(curve: &[f32], at: usize) -> f64 {
     let [a, b, c] = [curve[at - 1], curve[at], curve[at + 1]].map(f64::from);
     let bend = a - 2.0 * b + c;
     if bend < 0.0 { (0.5 * (a - c) / bend).clamp(-0.5, 0.5) } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shifts_beyond_the_line_take_nothing() {
+        let line: Vec<f32> = (0..32_u8).map(f32::from).collect();
+        for shift in [-1e3, -33.0, -32.0, 32.0, 32.5, 35.0, 1e3] {
+            let mut sum = vec![0.0; 32];
+            add_shifted(&mut sum, &line, shift);
+            assert!(sum.iter().all(|&s| s == 0.0), "{shift}");
+            assert_eq!(correlation(&line, &line, shift), 0.0);
+        }
+        let mut sum = vec![0.0; 32];
+        add_shifted(&mut sum, &line, 2.5);
+        assert_eq!((sum[0], sum[28], sum[29]), (2.5, 30.5, 0.0));
+        let mut sum = vec![0.0; 32];
+        add_shifted(&mut sum, &line, -31.0);
+        assert_eq!((sum[30], sum[31]), (0.0, 0.0));
+    }
 }

@@ -245,15 +245,17 @@ fn stands_out(profile: &Profile) -> Result<()> {
 }
 
 fn no_layers(peaks: &[Peak], depth_px_um: f64, hints: &Hints) -> Error {
+    let near = peaks.first().map_or(0.0, |peak| peak.depth_px);
     let depths: Vec<String> =
-        peaks.iter().map(|peak| format!("{:.0}", peak.depth_px * depth_px_um)).collect();
+        peaks.iter().map(|peak| format!("{:.0}", (peak.depth_px - near) * depth_px_um)).collect();
     let hint = if *hints == Hints::default() {
-        "give the IS/OS depth and the outer-segment length"
+        "give --isos-px (depth pixels) and --outer-segment-um"
     } else {
-        "check the hints"
+        "check --isos-px (depth pixels at the centre of the field) and --outer-segment-um"
     };
     Error::failed(format!(
-        "layers: no two of the {} peaks (µm: {}) can be IS/OS and outer-segment tips: {hint}",
+        "layers: no two of the {} peaks (µm behind the first: {}) can be IS/OS and outer-segment \
+         tips: {hint}",
         peaks.len(),
         depths.join(", ")
     ))

@@ -11,9 +11,11 @@ use crate::progress::Progress;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+/// The folder of the truth; a camera's recording has none beside it.
+const TRUTH: &str = "truth.zarr";
 /// Names in the folder.
 const NAMES: [&str; 7] =
-    ["run.cihx", "run.cih", "run.mraw", "mask.npy", "control.npy", "phase.npy", "truth.zarr"];
+    ["run.cihx", "run.cih", "run.mraw", "mask.npy", "control.npy", "phase.npy", TRUTH];
 /// Exposure time over the time between two images.
 const SHUTTER: f64 = 0.8;
 
@@ -56,7 +58,7 @@ pub fn write_recording(
     write_npy(&path.join("mask.npy"), &image, &truth.mask)?;
     write_npy(&path.join("control.npy"), &image, &truth.control)?;
     write_npy(&path.join("phase.npy"), &[scene.sweeps], &truth.phase_rad)?;
-    truth.write(plan, &path.join("truth.zarr"))?;
+    truth.write(plan, &path.join(TRUTH))?;
     staged.finish()?;
     let written = NAMES.iter().map(|name| folder.join(name)).filter(|path| path.exists());
     Ok(written.collect())
@@ -98,6 +100,14 @@ fn refuse_foreign(target: &Path) -> Result<()> {
     }
     let cannot_read =
         |error: std::io::Error| Error::file(target, format!("cannot be read: {error}"));
+    let recorded = NAMES.iter().any(|name| name.starts_with("run.") && target.join(name).exists());
+    if recorded && !target.join(TRUTH).is_dir() {
+        return Err(Error::file(
+            target,
+            "holds a recording without truth.zarr, so it may be a camera's and is not replaced: \
+             choose another name",
+        ));
+    }
     for entry in fs::read_dir(target).map_err(cannot_read)? {
         let name = entry.map_err(cannot_read)?.file_name();
         if !NAMES.iter().any(|known| name == *known) {
