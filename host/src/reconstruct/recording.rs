@@ -88,8 +88,9 @@ impl Job<'_> {
         let memory = self.memory(&plan);
         observer.prepared(&plan, memory);
         let work = self.open_work()?;
+        let earlier = Earlier::load(&work)?;
         let prepared_s = clock.seconds();
-        let (analysis, survey, passed_s) = match self.first_pass(&plan, &work, observer) {
+        let (analysis, survey, passed_s) = match self.first_pass(&plan, &work, earlier, observer) {
             Ok(passed) => passed,
             Err(kept @ Error::Kept(_)) => return Err(kept),
             Err(error) => {
@@ -181,17 +182,19 @@ impl Job<'_> {
         &self,
         plan: &Preparation,
         work: &Unfinished,
+        earlier: Earlier,
         observer: &dyn Observer,
     ) -> Result<(Analysis, Option<Survey>, f64)> {
-        if let Some(analysis) = load(work, ANALYSIS)? {
-            return Ok((analysis, None, 0.0));
-        }
+        let state = match earlier {
+            Earlier::Analysis(analysis) => return Ok((*analysis, None, 0.0)),
+            Earlier::State(state) => {
+                observer.goes_on("first", state.next);
+                Some(*state)
+            }
+            Earlier::Nothing => None,
+        };
         let clock = Clock::start();
-        let earlier = load::<State>(work, FIRST)?;
-        if let Some(state) = &earlier {
-            observer.goes_on("first", state.next);
-        }
-        let mut pass = FirstPass::new(self.raw, plan, earlier)?;
+        let mut pass = FirstPass::new(self.raw, plan, state)?;
         let progress = Progress::new("first pass", plan.sweeps.len() as u64);
         let outcome = pass.run(&progress, |state| save(work, FIRST, state));
         drop(progress);
@@ -241,6 +244,25 @@ impl Job<'_> {
             return Err(kept(error, &folder));
         }
         writer.finish()
+    }
+}
+
+/// What an earlier run left.
+enum Earlier {
+    /// Its first pass is done.
+    Analysis(Box<Analysis>),
+    /// It ended in its first pass.
+    State(Box<State>),
+    Nothing,
+}
+
+impl Earlier {
+    fn load(work: &Unfinished) -> Result<Self> {
+        if let Some(analysis) = load(work, ANALYSIS)? {
+            return Ok(Self::Analysis(Box::new(analysis)));
+        }
+        let state = load(work, FIRST)?.map(|state| Self::State(Box::new(state)));
+        Ok(state.unwrap_or(Self::Nothing))
     }
 }
 
