@@ -40,9 +40,9 @@ fn copy(from: &Path, to: &Path) -> Result {
 /// The emulated board, as `--port sim:` starts it.
 fn emulated_board(folder: &Path) -> Result {
     SIMAVR.meet()?;
-    let build =
-        "build --release -p phasewalk-tests --features emulated-boards --bin emulated-board";
+    // As for the tests, which so find most of it compiled.
+    let build = "build --workspace --features phasewalk-tests/emulated-boards --bin emulated-board";
     run(&mut cargo(build))?;
-    let built = folders::target()?.join("release").join("emulated-board");
+    let built = folders::target()?.join("debug").join("emulated-board");
     copy(&built, &folder.join("emulated-board"))
 }

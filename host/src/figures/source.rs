@@ -128,7 +128,8 @@ impl Source<'_> {
     }
 
     fn key(&self) -> Vec<(&'static str, Stroke)> {
-        let bad = (0..self.counts.nrows()).any(|sweep| verdicts::is_bad(self.verdicts, sweep));
+        let drawn = |sweep| verdicts::is_bad(self.verdicts, sweep) && self.end(sweep).is_some();
+        let bad = (0..self.counts.nrows()).any(drawn);
         let mut entries = vec![("median", MEDIAN), ("every sweep", GOOD)];
         if bad {
             entries.push(("sweeps left out", BAD));

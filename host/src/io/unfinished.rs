@@ -31,7 +31,11 @@ impl Unfinished {
         if !resume && folder.exists() {
             fs::remove_dir_all(&folder).map_err(report)?;
         }
-        fs::create_dir_all(folder.join("new")).map_err(report)?;
+        for folder in [folder.clone(), folder.join("new")] {
+            if !folder.is_dir() {
+                fs::create_dir(&folder).map_err(report)?;
+            }
+        }
         Ok(Self { folder, target, bytes })
     }
 
@@ -143,6 +147,14 @@ mod tests {
         assert_eq!(again.load("state").unwrap(), None, "begun anew");
         again.discard();
         assert!(target.join("zarr.json").exists());
+    }
+
+    #[test]
+    fn a_folder_that_is_not_there_is_not_made() {
+        let folder = tempfile::tempdir().unwrap();
+        let refused = Unfinished::open(&folder.path().join("no/V.zarr"), 10, false);
+        assert!(refused.err().unwrap().to_string().contains("does not exist"));
+        assert!(!folder.path().join("no").exists());
     }
 
     #[test]
