@@ -55,7 +55,9 @@ const RECORDINGS: [&str; 3] = ["ball_12bit.cihx", "beam.cihx", "sample_60k_16bit
 
 /// Camera recordings, written and read beside pyMRAW.
 fn check_recordings(python: &Environment) -> Result {
-    run(&mut cargo("build --package phasewalk --example photron_frames"))?;
+    // As for the tests, which have most of it compiled.
+    let build = "build --workspace --features phasewalk-tests/emulated-boards --example";
+    run(cargo(build).arg("photron_frames"))?;
     let data = folders::workspace().join("tests").join("data").join("photron");
     let mut peer = python.script("check_photron.py");
     peer.arg(folders::example("photron_frames")?).arg(folders::scratch("photron")?);
