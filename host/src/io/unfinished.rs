@@ -105,7 +105,7 @@ impl Unfinished {
     }
 
     /// Remove all traces: the work failed before anything was worth keeping.
-    pub fn discard(self) {
+    pub fn discard(&self) {
         // What cannot be removed is replaced by the next run.
         let _ = fs::remove_dir_all(&self.folder);
     }

@@ -9,7 +9,6 @@
 //! B and be removed with it. (The paper says "a background removal", lines 701-702.)
 
 use super::grid::{BLOCK, Grid};
-use super::illumination::Illumination;
 use crate::error::Result;
 use crate::lanes::{LaneTask, Lanes, Path};
 
@@ -23,7 +22,7 @@ pub struct Background {
 
 /// Fits the source term, image by image.
 pub struct Fit<'a> {
-    grid: &'a Grid,
+    grid: Grid,
     /// v (y,x).
     v: &'a [f32],
     /// sum(v^2).
@@ -37,12 +36,11 @@ pub struct Fit<'a> {
 pub type ImageFit = (f32, Vec<f32>);
 
 impl<'a> Fit<'a> {
-    /// For images under this illumination.
+    /// For images under the illumination v (y, x).
     ///
     /// # Errors
     /// When `PHASEWALK_SIMD` names what this machine does not have.
-    pub fn new(grid: &'a Grid, illumination: &'a Illumination) -> Result<Self> {
-        let v = &illumination.pixels;
+    pub fn new(grid: Grid, v: &'a [f32]) -> Result<Self> {
         let block_weights = grid.block_weights();
         Ok(Self {
             grid,
@@ -59,7 +57,7 @@ impl<'a> Fit<'a> {
     /// # Errors
     /// When the machine lost its vector unit.
     pub fn image(&self, image: &[u16]) -> Result<ImageFit> {
-        let grid = self.grid;
+        let grid = &self.grid;
         let (mut blocks, mut line) = (vec![0.0; grid.blocks()], vec![0.0; grid.width]);
         let task = MeasureTask { grid, image, v: self.v, line: &mut line, blocks: &mut blocks };
         let source = (self.path.run(task)? / self.power) as f32;
@@ -138,6 +136,7 @@ fn dot_and_add(counts: &[u16], v: &[f32], line: &mut [f32]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::super::counts::SweepCounts;
+    use super::super::illumination::Illumination;
     use super::*;
 
     #[test]
@@ -149,7 +148,7 @@ mod tests {
         }
         let light = Illumination::measure(&sweep, 4095).unwrap();
         let grid = Grid::new(height, width);
-        let fit = Fit::new(&grid, &light).unwrap();
+        let fit = Fit::new(grid, &light.pixels).unwrap();
         let images =
             sweep.counts.chunks_exact(height * width).map(|image| fit.image(image).unwrap());
         let background = Background::of(images.collect());

@@ -48,6 +48,7 @@ pub struct FirstPass<'a> {
     raw: &'a dyn RawImages,
     plan: &'a Preparation,
     grid: Grid,
+    fit: Fit<'a>,
     transform: Transform,
     sequence: Sequence,
     counts: StripCounts,
@@ -83,6 +84,7 @@ impl<'a> FirstPass<'a> {
             raw,
             plan,
             grid,
+            fit: Fit::new(grid, &plan.illumination.pixels)?,
             transform,
             sequence: Sequence::new(Registration::new(depth, height, width)),
             counts: StripCounts::new(plan.images, grid)?,
@@ -161,7 +163,7 @@ impl<'a> FirstPass<'a> {
     /// Load a sweep and fit its source.
     fn look_at(&mut self, sweep: usize) -> Result<Background> {
         let (first, light) = (self.plan.sweeps[sweep].first_image, &self.plan.illumination);
-        let fit = Fit::new(&self.grid, light)?;
+        let fit = &self.fit;
         let images = self.counts.load_sweep(self.raw, first, light, |image| fit.image(image))?;
         Ok(Background::of(images))
     }

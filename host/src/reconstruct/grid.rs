@@ -15,7 +15,7 @@ const REACH: f64 = 3.0;
 const CENTER: f32 = (BLOCK as f32 - 1.0) / 2.0;
 /// Weight of its own block at the four pixels of a block; the rest is its nearer neighbour's.
 const OWN_SHARES: [f32; BLOCK] = [0.625, 0.875, 0.875, 0.625];
-/// Blocks of a strip, with one on either side.
+/// Blocks along a strip.
 const BLOCKS: usize = STRIP / BLOCK;
 
 /// The blocks of an image.

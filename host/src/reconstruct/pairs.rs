@@ -39,6 +39,12 @@ impl Group {
     }
 }
 
+/// exp(-2 pi i n/period).
+pub fn unit(n: usize, period: usize) -> Complex32 {
+    let phase = -TAU * (n % period) as f64 / period as f64;
+    Complex32::new(phase.cos() as f32, phase.sin() as f32)
+}
+
 /// Samples of a group of pixels and their phases.
 #[derive(Clone, Copy)]
 pub struct Samples<'a> {

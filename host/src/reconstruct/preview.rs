@@ -1,5 +1,6 @@
 //! A B-scan of one sweep with any dispersion: what the diagnostic pictures compare.
 
+use super::background::{Background, Fit};
 use super::dispersion::Dispersion;
 use super::grid::{BLOCK, Grid};
 use super::preparation::Preparation;
@@ -30,13 +31,14 @@ pub fn bscans(
     };
     let first = sweep.first_image;
     let light = &plan.illumination.pixels[rows.start * width..rows.end * width];
-    let power: f32 = light.iter().map(|v| v * v).sum();
     let grid = Grid::new(ROWS, width);
+    let fit = Fit::new(grid, light)?;
     let mut counts = StripCounts::new(images, grid)?;
-    let source = counts.load(
+    let images_fitted = counts.load(
         |m, image| raw.read(first + m..first + m + 1, rows.clone(), image),
-        |image| Ok(image.iter().zip(light).map(|(&c, v)| f32::from(c) * v).sum::<f32>() / power),
+        |image| fit.image(image),
     )?;
+    let source = Background::of(images_fitted).source;
     let fixed = vec![0.0; images * grid.blocks()];
     let input = Input { counts: &counts, source: &source, illumination: light, fixed: &fixed };
     let scan = |dispersion: &Dispersion| -> Result<Vec<f32>> {

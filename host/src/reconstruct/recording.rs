@@ -90,15 +90,7 @@ impl Job<'_> {
         let work = self.open_work()?;
         let earlier = Earlier::load(&work)?;
         let prepared_s = clock.seconds();
-        let (analysis, survey, passed_s) = match self.first_pass(&plan, &work, earlier, observer) {
-            Ok(passed) => passed,
-            Err(kept @ Error::Kept(_)) => return Err(kept),
-            Err(error) => {
-                // It would fail again: there is nothing to go on with.
-                work.discard();
-                return Err(error);
-            }
-        };
+        let (analysis, survey, passed_s) = self.first_pass(&plan, &work, earlier, observer)?;
         let analysed_s = clock.seconds() - prepared_s - passed_s;
         let seconds = [prepared_s, passed_s, analysed_s, 0.0];
         let name = self.name.to_owned();
@@ -145,7 +137,8 @@ impl Job<'_> {
         first.max(SecondPass::bytes(plan.images, depth, height, width))
     }
 
-    /// When the recording was written, and its size: another one of the same name is not gone on with.
+    /// Size of the file that names the recording, its header as a rule, and when it was written: another
+    /// recording of the same name is not gone on with.
     fn recorded(&self) -> Result<(u64, Option<std::time::SystemTime>)> {
         let file = std::fs::metadata(self.name)
             .map_err(|error| Error::file(self.name, format!("cannot be read: {error}")))?;
@@ -193,8 +186,12 @@ impl Job<'_> {
             }
             Earlier::Nothing => None,
         };
-        let clock = Clock::start();
-        let mut pass = FirstPass::new(self.raw, plan, state)?;
+        let (clock, begins) = (Clock::start(), state.is_none());
+        let mut pass = FirstPass::new(self.raw, plan, state).inspect_err(|_| {
+            if begins {
+                work.discard();
+            }
+        })?;
         let progress = Progress::new("first pass", plan.sweeps.len() as u64);
         let outcome = pass.run(&progress, |state| save(work, FIRST, state));
         drop(progress);
@@ -207,7 +204,9 @@ impl Job<'_> {
         let format = self.raw.format();
         let size = [format.height, format.width];
         let fixed = state.fixed_fringes(&Grid::new(format.height, format.width));
-        let (analysis, surfaces) = analyse(plan, &state, fixed, self.settings, size)?;
+        // It would fail again: there is nothing to go on with.
+        let (analysis, surfaces) =
+            analyse(plan, &state, fixed, self.settings, size).inspect_err(|_| work.discard())?;
         save(work, ANALYSIS, &analysis)?;
         let survey = Survey { surfaces, mean: state.mean.intensity() };
         Ok((analysis, Some(survey), passed_s))

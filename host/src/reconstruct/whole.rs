@@ -6,8 +6,7 @@
 //! ```
 //! with Y of `pairs`: two rounds of transforms of 16 points, then Q terms for each depth that is wanted.
 
-use super::pairs::{GROUP, Group, POINTS, Pair, Rounds, Samples, sixteen};
-use super::zoom::unit;
+use super::pairs::{GROUP, Group, POINTS, Pair, Rounds, Samples, sixteen, unit};
 use crate::lanes::{LaneTask, Lanes};
 use num_complex::Complex32;
 use std::ops::Range;

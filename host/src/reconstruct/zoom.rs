@@ -6,10 +6,9 @@
 //! with Y of `pairs`, which repeats when z grows by 16: up to 16 neighbouring depths take K/16
 //! transforms of 16 points.
 
-use super::pairs::{GROUP, Group, POINTS, Pair, Rounds, Samples};
+use super::pairs::{GROUP, Group, POINTS, Pair, Rounds, Samples, unit};
 use crate::lanes::{LaneTask, Lanes};
 use num_complex::Complex32;
-use std::f64::consts::TAU;
 use std::ops::Range;
 
 /// What is the same for all pixels.
@@ -32,12 +31,6 @@ impl Zoom {
         };
         Some(Self { twiddles: rows.map(twiddle).collect(), depths })
     }
-}
-
-/// exp(-2 pi i n/period).
-pub fn unit(n: usize, period: usize) -> Complex32 {
-    let phase = -TAU * (n % period) as f64 / period as f64;
-    Complex32::new(phase.cos() as f32, phase.sin() as f32)
 }
 
 /// Phases and transform of a group of pixels.
