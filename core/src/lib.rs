@@ -36,16 +36,26 @@
 
 pub mod baseline;
 pub mod batch;
+pub mod bound;
+pub mod chain;
+pub mod coherence;
 pub mod cross_spectrum;
 pub mod ensemble;
 mod error;
+pub mod lags;
 pub mod layers;
+pub mod linking;
+pub mod model;
 pub mod online;
 pub mod params;
+mod periodic;
+mod prior;
+pub mod quality;
 pub mod reference;
 pub mod regularize;
 pub mod scalar;
 pub mod solver;
+pub mod square;
 pub mod storage;
 pub mod unwrap;
 pub mod variance;
@@ -54,4 +64,4 @@ pub mod weights;
 
 pub use error::Error;
 pub use params::Params;
-pub use scalar::{Mask, Scalar};
+pub use scalar::{Mask, Real, Scalar};

@@ -90,6 +90,24 @@ pub trait Scalar:
     }
 }
 
+/// One real number, whose comparisons are plain: what models are fitted with, once for many pixels.
+pub trait Real: Scalar<Mask = bool> + PartialOrd {
+    /// e to the power of `self`.
+    fn exp(self) -> Self;
+
+    /// Natural logarithm; NaN for negative numbers.
+    fn ln(self) -> Self;
+
+    /// (sine, cosine) of `self` in radians.
+    fn sin_cos(self) -> (Self, Self);
+
+    /// The nearest whole number.
+    fn round(self) -> Self;
+
+    /// The same number as `f64`.
+    fn to_f64(self) -> f64;
+}
+
 /// Is it finite? (Below 1e30, which no phase and no field that can be squared in `f32` reaches.)
 #[inline(always)]
 pub(crate) fn is_number<T: Scalar>(x: T) -> T::Mask {
@@ -146,6 +164,40 @@ plain_scalar!(f64, libm::sqrt, libm::atan2);
 plain_scalar!(f32, libm::sqrtf, libm::atan2f);
 #[cfg(feature = "micromath")]
 plain_scalar!(f32, fast::sqrt, fast::atan2);
+
+macro_rules! real {
+    ($type:ty, $exp:path, $ln:path, $sin_cos:path, $round:path) => {
+        impl Real for $type {
+            #[inline]
+            fn exp(self) -> Self {
+                $exp(self)
+            }
+
+            #[inline]
+            fn ln(self) -> Self {
+                $ln(self)
+            }
+
+            #[inline]
+            fn sin_cos(self) -> (Self, Self) {
+                $sin_cos(self)
+            }
+
+            #[inline]
+            fn round(self) -> Self {
+                $round(self)
+            }
+
+            #[inline]
+            fn to_f64(self) -> f64 {
+                self.into()
+            }
+        }
+    };
+}
+
+real!(f64, libm::exp, libm::log, libm::sincos, libm::round);
+real!(f32, libm::expf, libm::logf, libm::sincosf, libm::roundf);
 
 #[cfg(feature = "micromath")]
 mod fast {
