@@ -41,6 +41,10 @@ const STEPS: usize = 2;
 /// Steps with a prior, whose pull is not part of the start.
 const PRIOR_STEPS: usize = 3;
 
+/// Information, 1/rad^2, about one phase when all others are known, below which it is as good as random
+/// (variance pi^2/3).
+const RANDOM: f64 = 3.0 / (core::f64::consts::PI * core::f64::consts::PI);
+
 /// r_ij = Im(conj(z_i) gamma_ij z_j), with z the phasors of the present phases.
 #[inline(always)]
 #[must_use]
@@ -323,8 +327,11 @@ impl<T: Real> Link<'_, '_, T> {
     fn finish(&mut self, model: &Model<'_, T>, sigmas: &mut [T]) {
         let times = model.lags().times();
         let enough = T::from_f64(USABLE);
-        for (usable, &s) in self.work.usable.iter_mut().zip(model.quality.iter()) {
-            *usable = if s > enough { T::one() } else { T::zero() };
+        for (i, (usable, &s)) in self.work.usable.iter_mut().zip(model.quality.iter()).enumerate() {
+            // Sum over j != i of -Q_ij Gamma_ij, because Q Gamma = 1.
+            let certainty = self.work.precision.at(i, i) * model.gamma.at(i, i) - T::one();
+            let known = certainty * T::from_f64(2.0 * self.settings.looks) > T::from_f64(RANDOM);
+            *usable = if s > enough && known { T::one() } else { T::zero() };
         }
         unwrap_chain(self.phases, times, model.quality);
         if let Some(acceleration) = self.settings.acceleration {

@@ -1,4 +1,4 @@
-//! Small dense symmetric matrices in buffers of the caller: Cholesky factor, inverse, solution.
+//! Small dense symmetric matrices in buffers of the caller: factor, inverse, solution.
 
 use crate::scalar::Real;
 
@@ -110,27 +110,18 @@ impl<'a, T: Real> Square<'a, T> {
         }
     }
 
-    /// Replace the lower triangle of a positive definite matrix A by its Cholesky factor, A = L L^T, and
-    /// return ln det A. Pivots are not taken for smaller than 1e-12 (f64) or 1e-7 (f32) of the
-    /// diagonal element.
+    /// Replace the lower triangle of a symmetric matrix by A = L D L^T, D in the diagonal of the unit
+    /// lower triangle L, and return ln |det A|.
+    ///
+    /// There is no pivoting: for positive definite matrices and those close to it. Pivots are not taken
+    /// for smaller than 1e-12 (f64) or 1e-7 (f32) of the diagonal element.
     pub fn factor(&mut self) -> T {
         let mut log_determinant = T::zero();
-        let smallest = smallest_pivot::<T>();
         for i in 0..self.n {
             let (above, rest) = self.data.split_at_mut((i * self.stride).min(self.data.len()));
             let row = rest.get_mut(..self.n).unwrap_or(&mut []);
-            for j in 0..i {
-                let other = above.get(j * self.stride..).and_then(|r| r.get(..=j)).unwrap_or(&[]);
-                let (done, from_j) = row.split_at_mut(j.min(row.len()));
-                let (Some(place), Some(&pivot)) = (from_j.first_mut(), other.last()) else { break };
-                *place = (*place - dot(done, other)) / pivot;
-            }
-            let (done, from_i) = row.split_at_mut(i.min(row.len()));
-            let Some(place) = from_i.first_mut() else { break };
-            let least = place.abs().max(T::from_f64(f64::from(f32::MIN_POSITIVE))) * smallest;
-            let square = (*place - dot(done, done)).max(least);
-            log_determinant += square.ln();
-            *place = square.sqrt();
+            let pivot = factor_row(above, self.stride, row, i);
+            log_determinant += pivot.abs().ln();
         }
         log_determinant
     }
@@ -140,49 +131,49 @@ impl<'a, T: Real> Square<'a, T> {
         for i in 0..self.n {
             let (done, from_i) = b.split_at_mut(i.min(b.len()));
             let Some(x) = from_i.first_mut() else { return };
-            *x = (*x - dot(self.row(i), done)) / self.at(i, i);
+            *x = *x - dot(self.row(i), done);
         }
         for i in (0..self.n).rev() {
-            let (before, from_i) = b.split_at_mut(i.min(b.len()));
-            let Some(x) = from_i.first_mut() else { return };
+            let Some((x, later)) = b.get_mut(i..).and_then(<[T]>::split_first_mut) else { return };
             *x = *x / self.at(i, i);
-            let x = *x;
-            for (b, &l) in before.iter_mut().zip(self.row(i)) {
-                *b = *b - l * x;
+            for (k, &y) in (i + 1..self.n).zip(later.iter()) {
+                *x = *x - self.at(k, i) * y;
             }
         }
     }
 
-    /// Replace a positive definite matrix by its inverse and return ln of its determinant.
+    /// Replace a symmetric matrix by its inverse and return ln |det A|; see [`Self::factor`].
     pub fn invert(&mut self) -> T {
         let log_determinant = self.factor();
         self.invert_factor();
-        self.square_of_inverse_factor();
+        self.join_inverse_factors();
         log_determinant
     }
 
-    /// L <- L^-1, row by row: x_ij = -(sum over j <= k < i of l_ik x_kj) / l_ii.
+    /// L <- L^-1, row by row: x_ij = -(l_ij + sum over j < k < i of l_ik x_kj); D <- D^-1.
     fn invert_factor(&mut self) {
         for i in 0..self.n {
-            let pivot = self.at(i, i);
             for j in 0..i {
-                let mut sum = T::zero();
-                for (k, &l) in self.row(i).iter().enumerate().take(i).skip(j) {
+                let mut sum = self.at(i, j);
+                for (k, &l) in self.row(i).iter().enumerate().take(i).skip(j + 1) {
                     sum += l * self.at(k, j);
                 }
-                self.set(i, j, -sum / pivot);
+                self.set(i, j, -sum);
             }
+            let pivot = self.at(i, i);
             self.set(i, i, T::one() / pivot);
         }
     }
 
-    /// A^-1 = X^T X with X = L^-1, in both triangles.
-    fn square_of_inverse_factor(&mut self) {
+    /// A^-1 = X^T D^-1 X with X = L^-1, in both triangles.
+    fn join_inverse_factors(&mut self) {
         for i in 0..self.n {
             for j in 0..=i {
-                let mut sum = T::zero();
-                for k in i..self.n {
-                    sum += self.at(k, i) * self.at(k, j);
+                // x_ii = 1, whose place holds 1/d_i.
+                let x_ij = if i == j { T::one() } else { self.at(i, j) };
+                let mut sum = self.at(i, i) * x_ij;
+                for k in i + 1..self.n {
+                    sum += self.at(k, i) * self.at(k, k) * self.at(k, j);
                 }
                 self.set(i, j, sum);
             }
@@ -192,6 +183,31 @@ impl<'a, T: Real> Square<'a, T> {
             }
         }
     }
+}
+
+/// Row i of the factor, with the rows above it done; returns d_i.
+fn factor_row<T: Real>(above: &[T], stride: usize, row: &mut [T], i: usize) -> T {
+    for j in 0..i {
+        let other = above.get(j * stride..).and_then(|rest| rest.get(..j)).unwrap_or(&[]);
+        let (done, from_j) = row.split_at_mut(j.min(row.len()));
+        if let Some(place) = from_j.first_mut() {
+            *place = *place - dot(done, other);
+        }
+    }
+    let (before, from_i) = row.split_at_mut(i.min(row.len()));
+    let Some(place) = from_i.first_mut() else { return T::one() };
+    let least = place.abs().max(T::from_f64(f64::from(f32::MIN_POSITIVE))) * smallest_pivot();
+    for (k, c) in before.iter_mut().enumerate() {
+        // So far l_ik d_k.
+        let pivot = above.get(k * stride + k).copied().unwrap_or(T::one());
+        let l = *c / pivot;
+        *place = *place - *c * l;
+        *c = l;
+    }
+    if place.abs() < least {
+        *place = least;
+    }
+    *place
 }
 
 /// Sum of a_k b_k over what both have.
@@ -248,12 +264,21 @@ mod tests {
         let (mut a, b) = (decay::<f64>(&mut x), decay(&mut y));
         let log_determinant = a.factor();
         let pivots: f64 = (0..N).map(|i| a.at(i, i)).product();
-        assert!((log_determinant - 2.0 * libm::log(pivots)).abs() < 1e-13);
+        assert!((log_determinant - libm::log(pivots)).abs() < 1e-13);
         let right = [1.0, -2.0, 0.5, 3.0, 0.0, 1.0];
         let mut solution = right;
         a.solve_factored(&mut solution);
         for (i, expected) in right.iter().enumerate() {
             assert!((dot(b.row(i), &solution) - expected).abs() < 1e-14);
+        }
+    }
+
+    #[test]
+    fn negative_eigenvalues_are_kept() {
+        let mut data = [2.0, 1.0, 1.0, -3.0];
+        Square::new(&mut data, 2).invert();
+        for (got, expected) in data.iter().zip([3.0, 1.0, 1.0, -2.0]) {
+            assert!((got - expected / 7.0_f64).abs() < 1e-15, "{data:?}");
         }
     }
 
