@@ -1,7 +1,7 @@
 //! Unwrapping a finished series of phases in time, across gaps and bad frames.
 
 use crate::quality::{SOUND, USABLE};
-use crate::scalar::Real;
+use crate::scalar::{Real, Scalar};
 
 /// Intervals up to this factor above the shortest count as short.
 const SHORT: f64 = 1.001;
@@ -10,8 +10,8 @@ const SHORT: f64 = 1.001;
 const NEAREST: usize = 6;
 
 /// phi - 2 pi round(phi / 2 pi).
-#[inline]
-pub(crate) fn wrap<T: Real>(phase: T) -> T {
+#[inline(always)]
+pub(crate) fn wrap<T: Scalar>(phase: T) -> T {
     let turn = T::from_f64(core::f64::consts::TAU);
     phase - turn * (phase / turn).round()
 }
@@ -24,7 +24,8 @@ pub(crate) fn wrap<T: Real>(phase: T) -> T {
 /// outlook, line 597). It needs |velocity| * shortest interval < pi and |velocity error| * gap < pi.
 /// Frames that are merely usable (above 0.3) are taken next to the interpolated chain; of the
 /// others the interpolation itself is left.
-pub fn unwrap_chain<T: Real>(phases: &mut [T], times: &[f64], quality: &[T]) {
+#[inline(always)]
+pub fn unwrap_chain<T: Scalar, Q: Real>(phases: &mut [T], times: &[f64], quality: &[Q]) {
     let chain = sound_frames(quality);
     if chain.clone().nth(1).is_none() {
         return;
@@ -48,8 +49,8 @@ pub fn unwrap_chain<T: Real>(phases: &mut [T], times: &[f64], quality: &[T]) {
     follow_chain(phases, times, quality);
 }
 
-fn sound_frames<T: Real>(quality: &[T]) -> impl Iterator<Item = usize> + Clone {
-    let sound = T::from_f64(SOUND);
+fn sound_frames<Q: Real>(quality: &[Q]) -> impl Iterator<Item = usize> + Clone {
+    let sound = Q::from_f64(SOUND);
     quality.iter().enumerate().filter(move |&(_, &s)| s > sound).map(|(frame, _)| frame)
 }
 
@@ -57,12 +58,14 @@ fn time(times: &[f64], frame: usize) -> f64 {
     times.get(frame).copied().unwrap_or(0.0)
 }
 
-fn phase<T: Real>(phases: &[T], frame: usize) -> T {
+#[inline(always)]
+fn phase<T: Scalar>(phases: &[T], frame: usize) -> T {
     phases.get(frame).copied().unwrap_or(T::zero())
 }
 
 /// The change over a gap that the velocity around it suggests.
-fn predict<T: Real>(
+#[inline(always)]
+fn predict<T: Scalar>(
     phases: &[T],
     times: &[f64],
     short: impl Iterator<Item = (usize, usize)>,
@@ -70,11 +73,11 @@ fn predict<T: Real>(
 ) -> T {
     let gap = time(times, after) - time(times, before);
     let middle = (time(times, after) + time(times, before)) / 2.0;
-    let mut nearest = [(f64::INFINITY, 0.0); NEAREST];
+    let mut nearest = [(f64::INFINITY, T::zero()); NEAREST];
     for (i, j) in short {
         let distance = ((time(times, i) + time(times, j)) / 2.0 - middle).abs();
-        let velocity =
-            wrap(phase(phases, j) - phase(phases, i)).to_f64() / (time(times, j) - time(times, i));
+        let interval = T::from_f64(time(times, j) - time(times, i));
+        let velocity = wrap(phase(phases, j) - phase(phases, i)) / interval;
         let mut candidate = (distance, velocity);
         for place in &mut nearest {
             if candidate.0 < place.0 {
@@ -82,18 +85,19 @@ fn predict<T: Real>(
             }
         }
     }
-    let (mut sum, mut weights) = (0.0, 0.0);
+    let (mut sum, mut weights) = (T::zero(), 0.0);
     for (distance, velocity) in nearest.into_iter().filter(|(distance, _)| distance.is_finite()) {
         let weight = 1.0 / (1.0 + distance / gap);
-        sum += weight * velocity;
+        sum += T::from_f64(weight) * velocity;
         weights += weight;
     }
-    if weights > 0.0 { T::from_f64(sum / weights * gap) } else { T::zero() }
+    if weights > 0.0 { sum * T::from_f64(gap / weights) } else { T::zero() }
 }
 
 /// Frames outside the chain follow its interpolation in time.
-fn follow_chain<T: Real>(phases: &mut [T], times: &[f64], quality: &[T]) {
-    for (frame, &s) in quality.iter().enumerate().filter(|&(_, &s)| s <= T::from_f64(SOUND)) {
+#[inline(always)]
+fn follow_chain<T: Scalar, Q: Real>(phases: &mut [T], times: &[f64], quality: &[Q]) {
+    for (frame, &s) in quality.iter().enumerate().filter(|&(_, &s)| s <= Q::from_f64(SOUND)) {
         let before = sound_frames(quality).take_while(|&i| i < frame).last();
         let after = sound_frames(quality).find(|&i| i > frame);
         let (Some(i), Some(j)) = (before.or(after), after.or(before)) else { return };
@@ -101,7 +105,7 @@ fn follow_chain<T: Real>(phases: &mut [T], times: &[f64], quality: &[T]) {
         let along = if span > 0.0 { (time(times, frame) - time(times, i)) / span } else { 0.0 };
         let line = phase(phases, i) + T::from_f64(along) * (phase(phases, j) - phase(phases, i));
         let own =
-            if s > T::from_f64(USABLE) { wrap(phase(phases, frame) - line) } else { T::zero() };
+            if s > Q::from_f64(USABLE) { wrap(phase(phases, frame) - line) } else { T::zero() };
         if let Some(place) = phases.get_mut(frame) {
             *place = line + own;
         }

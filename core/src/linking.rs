@@ -45,6 +45,21 @@ const PRIOR_STEPS: usize = 3;
 /// (variance pi^2/3).
 const RANDOM: f64 = 3.0 / (core::f64::consts::PI * core::f64::consts::PI);
 
+/// Is the phase of frame i worth reporting? Its quality must be above 0.3, and what the other frames tell of
+/// it more than a random phase.
+#[must_use]
+pub fn is_usable<T: Real>(
+    model: &Model<'_, T>,
+    precision: &Square<'_, T>,
+    looks: f64,
+    i: usize,
+) -> bool {
+    // Sum over j != i of -Q_ij Gamma_ij, because Q Gamma = 1.
+    let certainty = precision.at(i, i) * model.gamma.at(i, i) - T::one();
+    let good = model.quality.get(i).is_some_and(|&s| s > T::from_f64(USABLE));
+    good && certainty * T::from_f64(2.0 * looks) > T::from_f64(RANDOM)
+}
+
 /// r_ij = Im(conj(z_i) gamma_ij z_j), with z the phasors of the present phases.
 #[inline(always)]
 #[must_use]
@@ -326,12 +341,10 @@ impl<T: Real> Link<'_, '_, T> {
     /// Unwrap, apply the prior, and say how exact it is.
     fn finish(&mut self, model: &Model<'_, T>, sigmas: &mut [T]) {
         let times = model.lags().times();
-        let enough = T::from_f64(USABLE);
-        for (i, (usable, &s)) in self.work.usable.iter_mut().zip(model.quality.iter()).enumerate() {
-            // Sum over j != i of -Q_ij Gamma_ij, because Q Gamma = 1.
-            let certainty = self.work.precision.at(i, i) * model.gamma.at(i, i) - T::one();
-            let known = certainty * T::from_f64(2.0 * self.settings.looks) > T::from_f64(RANDOM);
-            *usable = if s > enough && known { T::one() } else { T::zero() };
+        let Work { precision, usable, .. } = &mut self.work;
+        for (i, place) in usable.iter_mut().enumerate() {
+            let counts = is_usable(model, precision, self.settings.looks, i);
+            *place = if counts { T::one() } else { T::zero() };
         }
         unwrap_chain(self.phases, times, model.quality);
         if let Some(acceleration) = self.settings.acceleration {

@@ -36,6 +36,12 @@ impl<T> Buffers<'_, T> {
     }
 }
 
+/// Least product of two qualities whose pair counts in a blind fit.
+const LEAST_SHARE: f64 = 0.1;
+
+/// How often the qualities and the mixture take turns in a blind fit.
+const BLIND_REFITS: usize = 2;
+
 /// Times that differ by less, in units of the shortest interval, have the same coherence.
 const SAME: f64 = 1e-6;
 
@@ -113,12 +119,21 @@ impl<'a, T: Real> Model<'a, T> {
         let n = self.lags.frames();
         let (expected, medians) = self.dictionary.split_at_mut(n.min(self.dictionary.len()));
         first_quality(square, &self.lags, self.quality, expected, medians);
-        let looks = self.looks;
+        self.fit_to_squares(square);
+    }
+
+    /// Mixture from the lag means of squared coherences, each freed of the qualities of its frames.
+    fn fit_to_squares(&mut self, square: &Square<'_, T>) {
         for (group, mean) in self.means.iter_mut().enumerate().take(self.lags.groups()) {
-            let value = |i, j| square.at(i, j);
             let s = |i: usize| self.quality.get(i).copied().unwrap_or(T::zero());
-            *mean = self.lags.mean(group, value, |i, j| s(i) * s(j));
-            let chance = 3.0 / (looks * libm::sqrt(mean.pairs.to_f64().max(1.0)));
+            let shares = |i, j| {
+                let both = s(i) * s(j);
+                let both = if both > T::from_f64(LEAST_SHARE) { both } else { T::zero() };
+                both * both
+            };
+            let value = |i, j| square.at(i, j) / shares(i, j).max(T::from_f64(1e-12));
+            *mean = self.lags.mean(group, value, shares);
+            let chance = 3.0 / (self.looks * libm::sqrt(mean.pairs.to_f64().max(1.0)));
             let seen = mean.mean >= T::from_f64(chance);
             mean.mean = if seen { mean.mean.min(T::one()).sqrt() } else { T::zero() };
         }
@@ -139,6 +154,26 @@ impl<'a, T: Real> Model<'a, T> {
         self.fill();
         frame_quality(aligned, &self.bare, self.looks, self.quality, self.dictionary);
         self.fill();
+        self.add_periodic(aligned);
+    }
+
+    /// All fits to debiased |gamma_ij|^2 alone, where the phases differ from place to place and only their
+    /// mean is known; `root` is as large as `square` and becomes R, its root with its sign: where there is no
+    /// coherence, R scatters around 0.
+    pub fn fit_blind(&mut self, square: &Square<'_, T>, root: &mut Square<'_, T>) {
+        self.fit_squares(square);
+        root.fill_with(|i, j| {
+            let x = square.at(i, j);
+            if x < T::zero() { -(-x).sqrt() } else { x.sqrt() }
+        });
+        for _ in 0..BLIND_REFITS {
+            frame_quality(root, &self.bare, self.looks, self.quality, self.dictionary);
+            self.fit_to_squares(square);
+        }
+        self.add_periodic(root);
+    }
+
+    fn add_periodic(&mut self, aligned: &Square<'_, T>) {
         self.find_misfit();
         if self.misfit > T::from_f64(MISFIT) {
             self.try_periodic(aligned);

@@ -50,6 +50,9 @@ pub trait Scalar:
     /// Absolute value.
     fn abs(self) -> Self;
 
+    /// The nearest whole number, of numbers below 2^22 in size.
+    fn round(self) -> Self;
+
     /// `self < other`, false for NaN.
     fn lt(self, other: Self) -> Self::Mask;
 
@@ -101,9 +104,6 @@ pub trait Real: Scalar<Mask = bool> + PartialOrd {
     /// (sine, cosine) of `self` in radians.
     fn sin_cos(self) -> (Self, Self);
 
-    /// The nearest whole number.
-    fn round(self) -> Self;
-
     /// The same number as `f64`.
     fn to_f64(self) -> f64;
 }
@@ -116,7 +116,7 @@ pub(crate) fn is_number<T: Scalar>(x: T) -> T::Mask {
 
 /// What `f32` and `f64` share, but for the two transcendental functions.
 macro_rules! plain_scalar {
-    ($type:ty, $sqrt:path, $atan2:path) => {
+    ($type:ty, $sqrt:path, $atan2:path, $round:path) => {
         impl Scalar for $type {
             type Mask = bool;
 
@@ -141,6 +141,11 @@ macro_rules! plain_scalar {
             }
 
             #[inline(always)]
+            fn round(self) -> Self {
+                $round(self)
+            }
+
+            #[inline(always)]
             fn lt(self, other: Self) -> bool {
                 self < other
             }
@@ -159,14 +164,14 @@ macro_rules! plain_scalar {
     };
 }
 
-plain_scalar!(f64, libm::sqrt, libm::atan2);
+plain_scalar!(f64, libm::sqrt, libm::atan2, libm::rint);
 #[cfg(not(feature = "micromath"))]
-plain_scalar!(f32, libm::sqrtf, libm::atan2f);
+plain_scalar!(f32, libm::sqrtf, libm::atan2f, libm::rintf);
 #[cfg(feature = "micromath")]
-plain_scalar!(f32, fast::sqrt, fast::atan2);
+plain_scalar!(f32, fast::sqrt, fast::atan2, libm::rintf);
 
 macro_rules! real {
-    ($type:ty, $exp:path, $ln:path, $sin_cos:path, $round:path) => {
+    ($type:ty, $exp:path, $ln:path, $sin_cos:path) => {
         impl Real for $type {
             #[inline]
             fn exp(self) -> Self {
@@ -184,11 +189,6 @@ macro_rules! real {
             }
 
             #[inline]
-            fn round(self) -> Self {
-                $round(self)
-            }
-
-            #[inline]
             fn to_f64(self) -> f64 {
                 self.into()
             }
@@ -196,8 +196,8 @@ macro_rules! real {
     };
 }
 
-real!(f64, libm::exp, libm::log, libm::sincos, libm::round);
-real!(f32, libm::expf, libm::logf, libm::sincosf, libm::roundf);
+real!(f64, libm::exp, libm::log, libm::sincos);
+real!(f32, libm::expf, libm::logf, libm::sincosf);
 
 #[cfg(feature = "micromath")]
 mod fast {

@@ -160,7 +160,7 @@ fn last_frame(
     let frames = phasewalk::io::Series::shape(series).frames;
     let plan = Plan::new(method, frames, None, None, Depths::single())?;
     let progress = Progress::hidden();
-    let region = Region::read(series, survey, mask, &plan, &progress)?;
+    let region = Region::read(series, survey, mask, &plan, None, &progress)?;
     let looks = match method {
         Method::Paper(Weighting::Fisher) => effective_looks,
         _ => region.pixels() as f64,

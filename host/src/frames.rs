@@ -105,12 +105,7 @@ impl<'a> ChosenFrames<'a> {
     /// One row for every frame of the whole series: NaN for those not chosen.
     #[must_use]
     pub fn rows_of_all(&self, rows: &[CurveRow]) -> Vec<CurveRow> {
-        let missing = |frame| CurveRow {
-            frame,
-            time_s: self.time_of(frame),
-            phase_rad: f64::NAN,
-            sigma_rad: f64::NAN,
-        };
+        let missing = |frame| CurveRow::missing(frame, self.time_of(frame));
         let mut all: Vec<_> = (0..self.in_all()).map(missing).collect();
         for (&frame, row) in self.chosen.iter().zip(rows) {
             all[frame] = CurveRow { frame, ..*row };
@@ -223,7 +218,8 @@ mod tests {
     fn results_are_spread_over_all_frames() {
         let series = series();
         let chosen = ChosenFrames::new(&series, vec![1, 4]).unwrap();
-        let row = CurveRow { frame: 0, time_s: 4.0, phase_rad: 0.5, sigma_rad: 0.1 };
+        let row =
+            CurveRow { phase_rad: 0.5, sigma_rad: 0.1, quality: 1.0, ..CurveRow::missing(0, 4.0) };
         let all = chosen.rows_of_all(&[row, row]);
         assert_eq!(all[4], CurveRow { frame: 4, ..row });
         assert!(all[3].phase_rad.is_nan() && all[3].sigma_rad.is_nan() && all[3].time_s == 3.0);

@@ -76,9 +76,8 @@ impl SpatialCoherence {
     pub fn estimate(series: &dyn Series, survey: &Survey, depths: &[usize]) -> Result<Self> {
         let Shape { frames, height, width, .. } = series.shape();
         let mut fields = Vec::new();
-        for i in 0..frames.min(FRAMES) {
+        for frame in spread(frames) {
             progress::check()?;
-            let frame = i * (frames - 1) / (frames.min(FRAMES) - 1).max(1);
             for &depth in depths.iter().take(DEPTHS) {
                 let mut field =
                     zeros::<Complex32>(height * width, "frames for the spatial coherence")?;
@@ -149,6 +148,13 @@ impl SpatialCoherence {
         effective_looks(self.distances().map(|(dy, dx, s)| partners(dy, dx) * s / (count * count)))
     }
 
+    /// Side of the smallest square whose mean has at least `looks` effective looks, at most `limit`.
+    #[must_use]
+    pub fn side_of_looks(&self, looks: f64, limit: usize) -> usize {
+        let enough = |&side: &usize| self.looks_of_mask(&vec![true; side * side], side) >= looks;
+        (1..limit).find(enough).unwrap_or(limit.max(1))
+    }
+
     /// Effective looks of the mean under a Gaussian.
     #[must_use]
     pub fn looks_of_kernel(&self, kernel: &Kernel) -> f64 {
@@ -161,6 +167,48 @@ impl SpatialCoherence {
                 .map(|(dy, dx, s)| along_y[dy.unsigned_abs()] * along_x[dx.unsigned_abs()] * s),
         )
     }
+}
+
+/// Independent looks that the sum over the depths of a layer adds to every pixel: (sum of P_z)^2 / sum over z,z' of
+/// |C_zz'|^2 with C_zz' = sum over x of U_z(x) conj U_z'(x) and P_z = C_zz, in the mean over up to eight frames. 1 for
+/// a single depth.
+///
+/// # Errors
+/// When the series cannot be read or the user interrupts.
+pub fn looks_of_depths(series: &dyn Series, survey: &Survey, depths: &[usize]) -> Result<f64> {
+    let Shape { frames, height, width, .. } = series.shape();
+    let (mut whole, mut parts) = (0.0, 0.0);
+    for frame in spread(frames) {
+        progress::check()?;
+        let mut planes = Vec::with_capacity(depths.len());
+        for &depth in depths {
+            let mut plane = zeros::<Complex32>(height * width, "frames for the looks of a layer")?;
+            series.read_rows(frame, depth, 0..height, &mut plane)?;
+            planes.push(plane);
+        }
+        let valid = &survey.valid;
+        let cross = |(u, v): (&Vec<Complex32>, &Vec<Complex32>)| -> Complex64 {
+            let usable = u.iter().zip(v).zip(valid).filter(|&(_, &valid)| valid);
+            usable
+                .map(|((u, v), _)| double(*u * survey.scale) * double(*v * survey.scale).conj())
+                .sum()
+        };
+        let power: f64 = planes.iter().map(|plane| cross((plane, plane)).re).sum();
+        whole += power * power;
+        let pairs = planes.iter().flat_map(|u| planes.iter().map(move |v| (u, v)));
+        parts += pairs.map(cross).map(|c| c.norm_sqr()).sum::<f64>();
+    }
+    Ok(if parts > 0.0 { whole / parts } else { 1.0 })
+}
+
+/// Up to eight frames spread over the series.
+fn spread(frames: usize) -> impl Iterator<Item = usize> {
+    let chosen = frames.min(FRAMES);
+    (0..chosen).map(move |i| i * (frames - 1) / (chosen - 1).max(1))
+}
+
+fn double(u: Complex32) -> Complex64 {
+    Complex64::new(f64::from(u.re), f64::from(u.im))
 }
 
 /// |mu(dy, dx)|^2 over all pixels x whose partner x + d lies in the image, averaged over the fields (each
@@ -182,10 +230,7 @@ fn squared_coherence_of(field: &[Complex32], width: usize, dy: usize, dx: isize)
         let shifted = (columns.start as isize + dx) as usize..;
         places += columns.len();
         for (u, v) in row[columns.clone()].iter().zip(&partner[shifted]) {
-            let (u, v) = (
-                Complex64::new(f64::from(u.re), f64::from(u.im)),
-                Complex64::new(f64::from(v.re), f64::from(v.im)),
-            );
+            let (u, v) = (double(*u), double(*v));
             cross += u * v.conj();
             here += u.norm_sqr();
             there += v.norm_sqr();

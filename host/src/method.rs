@@ -15,6 +15,9 @@ pub enum Method {
     OneStep,
     /// All pairs up to the largest lag, weighted least squares (lines 850-948).
     Paper(Weighting),
+    /// All pairs, maximum likelihood with a coherence model fitted to the data
+    /// (`phasewalk_core::linking`).
+    Linked,
 }
 
 /// What the ensemble average that gives a pair's phase is taken over. Weights and coherences are the
@@ -104,7 +107,7 @@ impl Plan {
         match self.method {
             Method::Direct => (0..frames).map(|s| (self.direct_frame, s)).collect(),
             Method::OneStep => (1..frames).map(|s| (s - 1, s)).collect(),
-            Method::Paper(_) => {
+            Method::Paper(_) | Method::Linked => {
                 let last = |t: usize| (t + self.params.max_lag).min(frames - 1);
                 (0..frames).flat_map(|t| (t + 1..=last(t)).map(move |s| (t, s))).collect()
             }
@@ -116,7 +119,7 @@ impl Plan {
     pub fn weights(&self, looks: f64) -> Weights {
         let weighting = match self.method {
             Method::Paper(weighting) => weighting,
-            Method::Direct | Method::OneStep => Weighting::Paper,
+            Method::Direct | Method::OneStep | Method::Linked => Weighting::Paper,
         };
         Weights::new(weighting, looks, RANDOM_PROBABILITY)
     }

@@ -19,7 +19,8 @@ pub fn phase_curve(recording: &Recording, mask: &[bool], plan: &Plan, looks: f64
     let series = recording.held();
     let progress = Progress::hidden();
     let survey = survey(&series, &plan.depths.all()).expect("usable pixels");
-    let region = Region::read(&series, &survey, mask, plan, &progress).expect("a usable region");
+    let region =
+        Region::read(&series, &survey, mask, plan, None, &progress).expect("a usable region");
     curve(&region, plan, looks, looks, &progress).expect("a curve")
 }
 
@@ -83,6 +84,7 @@ pub fn phase_images(recording: &Recording, plan: &Plan, settings: &Settings) -> 
     let series = recording.held();
     let survey = survey(&series, &plan.depths.all()).expect("usable pixels");
     let job = ImageJob {
+        tiles: None,
         series: &series,
         survey: &survey,
         plan,

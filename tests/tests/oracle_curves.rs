@@ -131,7 +131,7 @@ fn read_table(bench: &Bench, name: &str) -> Vec<CurveRow> {
     assert_eq!(header, "frame,time_s,phase_rad,sigma_rad");
     let row = |row: Vec<f64>| {
         let [frame, time_s, phase_rad, sigma_rad] = row[..] else { panic!("{row:?}") };
-        CurveRow { frame: frame as usize, time_s, phase_rad, sigma_rad }
+        CurveRow { phase_rad, sigma_rad, ..CurveRow::missing(frame as usize, time_s) }
     };
     rows.into_iter().map(row).collect()
 }

@@ -155,7 +155,7 @@ impl<'a> Work<'a> {
             let (curve, images) = match method {
                 Method::Direct => (&curves.direct, &images.direct),
                 Method::OneStep => (&curves.one_step, &images.one_step),
-                Method::Paper(_) => (&curves.extended, &images.extended),
+                Method::Paper(_) | Method::Linked => (&curves.extended, &images.extended),
             };
             Ok(Errors::of(recording, method, curve, last(images)))
         })?;
@@ -179,7 +179,7 @@ impl<'a> Work<'a> {
     fn region(&self) -> Result<Region> {
         let Recording { series, mask, .. } = self.recording;
         let plan = self.plan(Method::OneStep)?;
-        Region::read(series, &self.survey, mask, &plan, &Progress::hidden())
+        Region::read(series, &self.survey, mask, &plan, None, &Progress::hidden())
     }
 
     fn curve(&self, region: &Region, method: Method) -> Result<PhaseCurve> {

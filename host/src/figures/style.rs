@@ -24,6 +24,8 @@ pub const DIRECT: Rgb = [213, 94, 0];
 pub const ONE_STEP: Rgb = [0, 158, 115];
 /// Extended Knox-Thompson, the walk (blue).
 pub const EXTENDED: Rgb = [0, 114, 178];
+/// Linked phases (reddish purple).
+pub const LINKED: Rgb = [204, 121, 167];
 
 /// Depth, rows, columns (z, y, x), where their curves stand together.
 pub const AXES: [Rgb; 3] = [EXTENDED, DIRECT, ONE_STEP];
@@ -34,6 +36,8 @@ pub const DIRECT_NAME: &str = "direct difference";
 pub const ONE_STEP_NAME: &str = "one-step Knox\u{2013}Thompson";
 /// What [`EXTENDED`] is called.
 pub const EXTENDED_NAME: &str = "extended Knox\u{2013}Thompson";
+/// What [`LINKED`] is called.
+pub const LINKED_NAME: &str = "linked phases";
 
 /// A colour mixed with the page: `share` 1 is the colour, 0 the page.
 #[must_use]

@@ -1,5 +1,6 @@
 //! The imaging code in the lanes of the job's precision and path.
 
+use super::linked;
 use super::worker::work;
 use super::{ImageJob, Kernel, MemoryPlan, Run};
 use crate::error::Result;
@@ -9,7 +10,7 @@ use std::sync::atomic::AtomicUsize;
 /// One thread: strips, numbered by the counter, until there are none left.
 pub(super) fn strips(run: &Run<'_>, next: &AtomicUsize) -> Result<()> {
     if run.job.double {
-        return work::<Array<f64, 4>>(run, next);
+        return in_lanes::<Array<f64, 4>>(run, next);
     }
     run.job.path.run(Strips { run, next })?
 }
@@ -24,7 +25,15 @@ impl LaneTask for Strips<'_> {
 
     #[inline(always)]
     fn run<L: Lanes<Element = f32>>(self) -> Result<()> {
-        work::<L>(self.run, self.next)
+        in_lanes::<L>(self.run, self.next)
+    }
+}
+
+#[inline(always)]
+fn in_lanes<L: Lanes>(run: &Run<'_>, next: &AtomicUsize) -> Result<()> {
+    match run.job.tiles {
+        Some(tiles) => linked::work::<L>(run, tiles, next),
+        None => work::<L>(run, next),
     }
 }
 

@@ -31,8 +31,9 @@ impl<L: Lanes> Pair<'_, L> {
         layer_difference(first, self.sum(self.in_first..self.depths, place, plane))
     }
 
+    /// C summed over some of the depths.
     #[inline(always)]
-    fn sum(&self, depths: std::ops::Range<usize>, place: usize, plane: usize) -> Complex<L> {
+    pub fn sum(&self, depths: std::ops::Range<usize>, place: usize, plane: usize) -> Complex<L> {
         let mut sum = Complex { re: L::zero(), im: L::zero() };
         for z in depths {
             let c = cross_spectrum(self.earlier[z * plane + place], self.later[z * plane + place]);
@@ -75,6 +76,20 @@ impl<L: Lanes> Passes<L> {
         layout: &Layout,
         rows: usize,
         pair: Pair<'_, L>,
+        each: impl FnMut(usize, usize, [L; CH]),
+    ) {
+        let plane = (rows + 2 * layout.halo) * layout.blocks;
+        self.filter(layout, rows, |place| channels(pair.cross_spectrum(place, plane)), each);
+    }
+
+    /// Filter what `source` has at each place (line * vectors of a row + vector) of `rows` lines and R
+    /// lines of halo above and below.
+    #[inline(always)]
+    pub fn filter<const CH: usize>(
+        &mut self,
+        layout: &Layout,
+        rows: usize,
+        source: impl Fn(usize) -> [L; CH],
         mut each: impl FnMut(usize, usize, [L; CH]),
     ) {
         let tall = rows + 2 * layout.halo;
@@ -84,8 +99,7 @@ impl<L: Lanes> Passes<L> {
         let between = &mut self.rows.as_chunks_mut::<CH>().0[..rows * long];
         for vector in 0..layout.blocks {
             for (line, place) in column.iter_mut().enumerate() {
-                let c = pair.cross_spectrum(line * layout.blocks + vector, tall * layout.blocks);
-                *place = channels(c);
+                *place = source(line * layout.blocks + vector);
             }
             for (row, window) in column.windows(window).enumerate() {
                 between[row * long + layout.halo + vector] = weighted_sum(window, &self.half);

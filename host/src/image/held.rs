@@ -89,6 +89,7 @@ impl Imaging<'_> {
             sigma_px: self.sigma_px,
             looks: self.looks.choose(kernel.nominal_looks(), effective_looks),
             effective_looks,
+            tiles: None,
             sigma: false,
             double: false,
             path: Path::best()?,

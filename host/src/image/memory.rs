@@ -1,6 +1,7 @@
 //! How much memory a job takes, known before it starts.
 
 use super::filter::Passes;
+use super::linked;
 use super::phase::{Sample, Workspace};
 use super::strip::Layout;
 use super::{ImageJob, Kernel};
@@ -30,7 +31,7 @@ impl MemoryPlan {
         let mut rows = PREFERRED_ROWS.min(height);
         loop {
             let threads = job.threads.clamp(1, height.div_ceil(rows));
-            let bytes = threads as u64 * bytes_per_thread::<L>(job, kernel, rows);
+            let bytes = threads as u64 * bytes_per_thread::<L>(job, kernel, rows)?;
             if bytes <= job.memory {
                 return Ok(Self { strip_rows: rows, threads, bytes });
             }
@@ -48,7 +49,10 @@ impl MemoryPlan {
     }
 }
 
-fn bytes_per_thread<L: Lanes>(job: &ImageJob<'_>, kernel: &Kernel, rows: usize) -> u64 {
+fn bytes_per_thread<L: Lanes>(job: &ImageJob<'_>, kernel: &Kernel, rows: usize) -> Result<u64> {
+    if job.tiles.is_some() {
+        return linked::bytes::<L>(job, kernel, rows);
+    }
     let Shape { frames, width, .. } = job.series.shape();
     let layout = Layout::new(width, L::WIDTH, kernel.radius());
     let places = (rows * layout.blocks) as u64;
@@ -65,5 +69,5 @@ fn bytes_per_thread<L: Lanes>(job: &ImageJob<'_>, kernel: &Kernel, rows: usize) 
     let buffer = tall * width as u64 * 8;
     let passes = Passes::<L>::bytes(&layout, rows) as u64;
     let workspace = Workspace::<L>::bytes(job.plan, job.keeps_coherence()) as u64;
-    fields + samples + coherences + powers + results + buffer + passes + workspace
+    Ok(fields + samples + coherences + powers + results + buffer + passes + workspace)
 }

@@ -10,14 +10,17 @@ mod dispatch;
 mod filter;
 mod held;
 mod kernel;
+mod linked;
 mod memory;
 mod phase;
 mod strip;
+mod tiles;
 mod worker;
 
 pub use held::{HeldImages, Imaging};
 pub use kernel::Kernel;
 pub use memory::MemoryPlan;
+pub use tiles::{Fit, Tile, Tiles};
 
 use crate::error::Result;
 use crate::io::{Series, Shape};
@@ -43,7 +46,9 @@ pub struct ImageJob<'a> {
     pub looks: f64,
     /// Independent looks, for the standard deviation.
     pub effective_looks: f64,
-    /// Compute standard deviations too (least squares only).
+    /// Fitted coherence: linked phases, whatever the plan's method.
+    pub tiles: Option<&'a Tiles>,
+    /// Compute standard deviations too (least squares and linked phases only).
     pub sigma: bool,
     /// Arithmetic in `f64` instead of `f32`.
     pub double: bool,

@@ -81,7 +81,8 @@ impl<L: Lanes> Workspace<L> {
                 }
                 self.subtract_reference(plan);
             }
-            Method::Paper(_) => {
+            // Linked phases are computed frame by frame (`linked`).
+            Method::Paper(_) | Method::Linked => {
                 let mut samples = samples.iter();
                 solve_series(
                     &mut self.solver,

@@ -41,6 +41,12 @@ impl Layout {
         Self { width, blocks, halo, halo_sources }
     }
 
+    /// The same rows with another number of rows of halo, to load them with.
+    #[must_use]
+    pub fn with_rows_of_halo(&self, halo: usize) -> Self {
+        Self { halo, halo_sources: Vec::new(), ..*self }
+    }
+
     /// Fill the halo of a row buffer of B + 2R positions with `CH` vectors each.
     #[inline(always)]
     pub fn fill_halo<L: Lanes, const CH: usize>(&self, row: &mut [[L; CH]]) {

@@ -17,7 +17,7 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// What the buffers are called when memory is short.
-const STRIPS: &str = "the strips (see --memory)";
+pub(super) const STRIPS: &str = "the strips (see --memory)";
 
 /// One thread: strips until there are none left.
 #[inline(always)]
@@ -221,17 +221,22 @@ impl<L: Lanes> Worker<L> {
         let valid = &run.job.survey.valid[rows.start * width..rows.end * width];
         let size = frames * valid.len();
         for results in [&mut self.phases, &mut self.sigmas] {
-            for frame in results.chunks_exact_mut(valid.len()).take(frames) {
-                for (value, _) in frame.iter_mut().zip(valid).filter(|(_, valid)| !**valid) {
-                    *value = f32::NAN;
-                }
-            }
+            blank_unusable(results, valid, frames);
         }
         let nothing = valid.iter().zip(&self.measured).filter(|&(&v, &m)| v && m == 0.0).count();
         run.unmeasured.fetch_add(nothing, Ordering::Relaxed);
         let sigmas = run.job.keeps_coherence().then(|| &self.sigmas[..size]);
         let phases = &self.phases[..size];
         (run.each)(StripResult { first_row: rows.start, phases, sigmas, valid })
+    }
+}
+
+/// NaN where the pixel is not usable; `images` are (time, row, x).
+pub(super) fn blank_unusable(images: &mut [f32], valid: &[bool], frames: usize) {
+    for image in images.chunks_exact_mut(valid.len().max(1)).take(frames) {
+        for (value, _) in image.iter_mut().zip(valid).filter(|(_, valid)| !**valid) {
+            *value = f32::NAN;
+        }
     }
 }
 
@@ -242,7 +247,7 @@ fn frames_of_progress(done: usize, pairs: usize, frames: usize) -> u64 {
 
 /// Copy one vector's results, (time), to its columns of (time, row, x).
 #[inline(always)]
-fn unload<L: Lanes>(
+pub(super) fn unload<L: Lanes>(
     layout: &Layout,
     values: &[L],
     row: usize,

@@ -17,12 +17,23 @@ pub struct CurveRow {
     pub phase_rad: f64,
     /// Standard deviation of the phase in radians.
     pub sigma_rad: f64,
+    /// Quality of the frame, 0..=1; NaN where the method does not tell.
+    pub quality: f64,
+}
+
+impl CurveRow {
+    /// A frame that has not been measured.
+    #[must_use]
+    pub const fn missing(frame: usize, time_s: f64) -> Self {
+        Self { frame, time_s, phase_rad: f64::NAN, sigma_rad: f64::NAN, quality: f64::NAN }
+    }
 }
 
 /// Write a curve: a `.csv` table `frame,time_s,phase_rad,sigma_rad`; float64 `F.npy` with
 /// `F.sigma.npy`; or a `.zarr` group of `phase_rad`, `sigma_rad` and `time_s` with `attributes`.
 /// With `nm_per_rad`, the optical path length of one radian, table and group hold the same as
-/// `opl_nm` and `sigma_nm`, too. The paths written are returned.
+/// `opl_nm` and `sigma_nm`, too; and where the method tells the frames' `quality`, all three do
+/// (`F.quality.npy`). The paths written are returned.
 ///
 /// # Errors
 /// When there are no rows, the extension of `path` is unknown, or the file cannot be written.
@@ -48,10 +59,13 @@ fn column(rows: &[CurveRow], value: impl Fn(&CurveRow) -> f64) -> Vec<f64> {
 
 fn write_csv(path: &Path, rows: &[CurveRow], nm_per_rad: Option<f64>) -> Result<Vec<PathBuf>> {
     let lengths = if nm_per_rad.is_some() { ",opl_nm,sigma_nm" } else { "" };
-    let mut table = format!("frame,time_s,phase_rad,sigma_rad{lengths}\n");
-    for &CurveRow { frame, time_s, phase_rad, sigma_rad } in rows {
+    let told = tells_quality(rows);
+    let last = if told { ",quality" } else { "" };
+    let mut table = format!("frame,time_s,phase_rad,sigma_rad{lengths}{last}\n");
+    for &CurveRow { frame, time_s, phase_rad, sigma_rad, quality } in rows {
         let mut numbers = vec![time_s, phase_rad, sigma_rad];
         numbers.extend(nm_per_rad.iter().flat_map(|nm| [phase_rad * nm, sigma_rad * nm]));
+        numbers.extend(told.then_some(quality));
         let numbers: Vec<String> = numbers.into_iter().map(shortest).collect();
         table.push_str(&format!("{frame},{}\n", numbers.join(",")));
     }
@@ -69,8 +83,14 @@ fn write_npy(path: &Path, rows: &[CurveRow]) -> Result<Vec<PathBuf>> {
     let sigma = NpyWriter::create(&sibling(path, "sigma"), &[rows.len()])?;
     phase.write_at(0, &column(rows, |row| row.phase_rad))?;
     sigma.write_at(0, &column(rows, |row| row.sigma_rad))?;
-    let sigma = sigma.finish()?;
-    Ok(vec![phase.finish()?, sigma])
+    let mut files = vec![sigma.finish()?];
+    if tells_quality(rows) {
+        let quality = NpyWriter::create(&sibling(path, "quality"), &[rows.len()])?;
+        quality.write_at(0, &column(rows, |row| row.quality))?;
+        files.push(quality.finish()?);
+    }
+    files.insert(0, phase.finish()?);
+    Ok(files)
 }
 
 fn write_zarr(
@@ -89,5 +109,12 @@ fn write_zarr(
         write("opl_nm", column(rows, |row| row.phase_rad * nm))?;
         write("sigma_nm", column(rows, |row| row.sigma_rad * nm))?;
     }
+    if tells_quality(rows) {
+        write("quality", column(rows, |row| row.quality))?;
+    }
     Ok(vec![group.finish()?])
+}
+
+fn tells_quality(rows: &[CurveRow]) -> bool {
+    rows.iter().any(|row| !row.quality.is_nan())
 }

@@ -276,7 +276,7 @@ fn damaged_zarr_stores_are_refused() {
     assert!(message(open_series(&path), &path).contains("no arrays"));
 
     let path = folder.path().join("C.zarr");
-    let row = CurveRow { frame: 0, time_s: 0.0, phase_rad: 1.0, sigma_rad: 0.1 };
+    let row = CurveRow { phase_rad: 1.0, sigma_rad: 0.1, ..CurveRow::missing(0, 0.0) };
     write_curve(&path, &[row, row], None, Attributes::new()).unwrap();
     assert!(message(open_series(&path), &path).contains("phase_rad, sigma_rad, time_s"));
 }
@@ -501,8 +501,8 @@ fn a_link_stays_a_link() {
 fn curves() {
     let folder = TempDir::new().unwrap();
     let rows = [
-        CurveRow { frame: 0, time_s: 0.0, phase_rad: 0.1 + 0.2, sigma_rad: 1e-300 },
-        CurveRow { frame: 1, time_s: 0.25, phase_rad: f64::NAN, sigma_rad: f64::INFINITY },
+        CurveRow { phase_rad: 0.1 + 0.2, sigma_rad: 1e-300, ..CurveRow::missing(0, 0.0) },
+        CurveRow { sigma_rad: f64::INFINITY, ..CurveRow::missing(1, 0.25) },
     ];
     let write = |name: &str| write_curve(&folder.path().join(name), &rows, None, Attributes::new());
     let written = write("C.csv").unwrap();

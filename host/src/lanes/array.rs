@@ -33,7 +33,7 @@ macro_rules! operator {
 }
 
 macro_rules! array_lanes {
-    ($element:ty, $atan2:expr) => {
+    ($element:ty, $atan2:expr, $whole:expr) => {
         operator!($element, Add, add);
         operator!($element, Sub, sub);
         operator!($element, Mul, mul);
@@ -78,6 +78,12 @@ macro_rules! array_lanes {
             }
 
             #[inline(always)]
+            fn round(self) -> Self {
+                // So large a number has no digits behind the point.
+                Self(self.0.map(|lane| (lane + $whole) - $whole))
+            }
+
+            #[inline(always)]
             fn lt(self, other: Self) -> Self::Mask {
                 ArrayMask(std::array::from_fn(|i| self.0[i] < other.0[i]))
             }
@@ -111,8 +117,12 @@ macro_rules! array_lanes {
     };
 }
 
-array_lanes!(f32, angle::atan2);
-array_lanes!(f64, |y: Self, x: Self| Self(std::array::from_fn(|i| libm::atan2(y.0[i], x.0[i]))));
+array_lanes!(f32, angle::atan2, 12_582_912.0);
+array_lanes!(
+    f64,
+    |y: Self, x: Self| Self(std::array::from_fn(|i| libm::atan2(y.0[i], x.0[i]))),
+    6_755_399_441_055_744.0
+);
 
 /// Vectors seen as numbers.
 mod array_slices {

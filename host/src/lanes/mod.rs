@@ -76,6 +76,7 @@ mod tests {
             compare("min", u.min(v), &|i| x(i).min(y(i)));
             compare("sqrt", u.abs().sqrt(), &|i| x(i).abs().sqrt());
             compare("inverse_sqrt", u.abs().inverse_sqrt(), &|i| 1.0 / x(i).abs().sqrt());
+            compare("round", u.round(), &|i| x(i).round_ties_even());
             compare("atan2", u.atan2(v), &|i| libm::atan2(x(i), y(i)));
             compare("select", L::select(u.lt(v), u, -v), &|i| {
                 if x(i) < y(i) { x(i) } else { -y(i) }

@@ -135,6 +135,13 @@ macro_rules! register_lanes {
             }
 
             #[inline(always)]
+            fn round(self) -> Self {
+                // 1.5 * 2^23: so large a number has no digits behind the point.
+                let whole = Self::from_f64(12_582_912.0);
+                (self + whole) - whole
+            }
+
+            #[inline(always)]
             fn lt(self, other: Self) -> $mask {
                 // SAFETY: as above.
                 $mask(unsafe { $lt(self.0, other.0) })

@@ -54,7 +54,7 @@ pub(in crate::cli) struct Arguments {
     pub(super) layers: Option<Depths>,
     /// Looks for the weights' threshold: nominal (pixels of the mask, 4 pi sigma^2), effective
     /// (independent speckles, estimated from the frames) or a number
-    /// [default: nominal for paper weights, effective for fisher]
+    /// [default: nominal for paper weights, effective for fisher and for method linked]
     #[arg(long, value_name = "LOOKS", allow_negative_numbers = true)]
     pub(super) looks: Option<Looks>,
     /// Wavelength, for the optical path length (phase lambda / 4 pi) beside a curve's phase
@@ -91,6 +91,8 @@ pub(super) enum MethodName {
     OneStep,
     /// All pairs of frames, weighted least squares (extended Knox-Thompson)
     Paper,
+    /// All pairs of frames, maximum likelihood with a coherence fitted to the data
+    Linked,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -125,6 +127,7 @@ impl Arguments {
             (MethodName::OneStep, _) => Method::OneStep,
             (MethodName::Paper, WeightsName::Paper) => Method::Paper(Weighting::Paper),
             (MethodName::Paper, WeightsName::Fisher) => Method::Paper(Weighting::Fisher),
+            (MethodName::Linked, _) => Method::Linked,
         }
     }
 
@@ -136,9 +139,9 @@ impl Arguments {
     }
 
     pub(super) fn looks(&self) -> Looks {
-        self.looks.unwrap_or(match self.weights {
-            WeightsName::Paper => Looks::Nominal,
-            WeightsName::Fisher => Looks::Effective,
+        self.looks.unwrap_or(match (self.method, self.weights) {
+            (MethodName::Linked, _) | (_, WeightsName::Fisher) => Looks::Effective,
+            (_, WeightsName::Paper) => Looks::Nominal,
         })
     }
 
@@ -177,6 +180,9 @@ impl Arguments {
     /// Options that belong to a method.
     fn validate_methods(&self) -> Result<()> {
         let paper = self.method == MethodName::Paper;
+        if self.method == MethodName::Linked && self.ensemble != EnsembleName::Field {
+            return Err(Error::usage("--ensemble belongs to the other methods: leave it out"));
+        }
         if !paper && (self.max_lag.is_some() || self.weights != WeightsName::Paper || self.sigma) {
             let what = "--max-lag, --weights and --sigma";
             return Err(Error::usage(format!("{what} belong to --method paper: leave them out")));

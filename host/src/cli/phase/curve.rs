@@ -3,7 +3,7 @@
 use super::figure::FigureFile;
 use super::{Task, check_looks};
 use crate::cli::print;
-use crate::curve::{Region, curve, subtract};
+use crate::curve::{LINKED_WINDOW_LOOKS, Linked, Region, curve, link_region, subtract};
 use crate::error::{Error, Result};
 use crate::figures::{Canvas, PhaseCurve};
 use crate::io::{CurveRow, Series, Shape, read_mask, write_curve};
@@ -12,7 +12,7 @@ use crate::method::{Method, Plan};
 use crate::notes;
 use crate::progress::Progress;
 use crate::series::Survey;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::path::Path;
 
 /// A standard deviation that only Gamma_2 (1000 rad a step) leaves behind.
@@ -29,7 +29,7 @@ impl Task<'_> {
         let figure = self.arguments.figure.as_deref().map(FigureFile::create).transpose()?;
 
         let survey = self.survey()?;
-        let ground = Ground { task: self, survey: &survey, coherence: self.coherence(&survey)? };
+        let ground = Ground::new(self, &survey)?;
         let mut result = ground.evaluate("phase curve", &mask, path, "--mask")?;
         let control = control
             .map(|(mask, path)| ground.evaluate("control curve", &mask, path, "--control"))
@@ -51,6 +51,9 @@ impl Task<'_> {
         let memory = result.bytes.max(control.map_or(0, |control| control.bytes));
         let mut facts = self.facts(survey, result.looks, result.effective_looks, memory);
         facts.insert("pixels".to_owned(), json!(result.pixels));
+        if let Some(linked) = &result.linked {
+            facts.insert("coherence_model".to_owned(), model(linked));
+        }
         facts.insert("pixels_left_out".to_owned(), json!(result.left_out));
         if let Some(control) = control {
             facts.insert("control_pixels".to_owned(), json!(control.pixels));
@@ -100,6 +103,21 @@ impl Task<'_> {
     }
 }
 
+/// The fitted coherence h(tau) = sum of share_k exp(-rate_k tau), for the attributes.
+fn model(linked: &Linked) -> Value {
+    let mixture = &linked.mixture;
+    let mut terms = mixture.rates.iter().zip(&mixture.shares).filter(|&(_, &share)| share > 0.0);
+    json!({
+        "rates_per_time": terms.clone().map(|(rate, _)| rate).collect::<Vec<_>>(),
+        "shares": terms.by_ref().map(|(_, share)| share).collect::<Vec<_>>(),
+        "static": mixture.floor(),
+        "noise": mixture.noise(),
+        "mean_rate_per_time": mixture.mean_rate(),
+        "periodic": linked.periodic,
+        "misfit": linked.misfit,
+    })
+}
+
 /// The control region's mask, which shares no pixel with `mask`.
 fn read_control(path: &Path, mask: &[bool], width: usize) -> Result<Vec<bool>> {
     let control = read_mask(path, mask.len() / width, width)?;
@@ -121,22 +139,44 @@ struct Ground<'a> {
     task: &'a Task<'a>,
     survey: &'a Survey,
     coherence: SpatialCoherence,
+    /// Looks that the depths of a layer add to each pixel, where the method counts them.
+    looks_of_layers: f64,
 }
 
-impl Ground<'_> {
+impl<'a> Ground<'a> {
+    fn new(task: &'a Task<'a>, survey: &'a Survey) -> Result<Self> {
+        let linked = task.plan.method == Method::Linked;
+        let looks_of_layers = if linked { task.looks_of_layers(survey)? } else { 1.0 };
+        Ok(Self { task, survey, coherence: task.coherence(survey)?, looks_of_layers })
+    }
+
+    /// Side of the sub-windows that linked phases of two layers need.
+    fn window(&self) -> Option<usize> {
+        let Task { good, plan, .. } = self.task;
+        let two = plan.method == Method::Linked && plan.depths.second.is_some();
+        let Shape { height, width, .. } = good.shape();
+        let looks = LINKED_WINDOW_LOOKS / self.looks_of_layers;
+        two.then(|| self.coherence.side_of_looks(looks, height.min(width)))
+    }
+
     /// The curve of the region that `flag` asked for, and the direct difference for the figure.
     fn evaluate(&self, name: &str, mask: &[bool], path: &Path, flag: &str) -> Result<Evaluated> {
         let Task { arguments, good, plan, .. } = self.task;
         let Shape { frames, width, .. } = good.shape();
         let progress = Progress::new(name, 2 * frames as u64);
-        let region = Region::read(good, self.survey, mask, plan, &progress)
+        let region = Region::read(good, self.survey, mask, plan, self.window(), &progress)
             .map_err(|error| error.about(path))?;
         let usable: Vec<bool> =
             mask.iter().zip(&self.survey.valid).map(|(&m, &v)| m && v).collect();
-        let effective_looks = self.coherence.looks_of_mask(&usable, width);
+        let effective_looks = self.coherence.looks_of_mask(&usable, width) * self.looks_of_layers;
         let looks = arguments.looks().choose(region.pixels() as f64, effective_looks);
         check_looks(plan.method, looks, flag)?;
-        let rows = curve(&region, plan, looks, effective_looks, &progress)?;
+        let (rows, linked) = if plan.method == Method::Linked {
+            let linked = link_region(&region, plan, looks, &progress).map_err(|e| e.about(path))?;
+            (linked.rows.clone(), Some(linked))
+        } else {
+            (curve(&region, plan, looks, effective_looks, &progress)?, None)
+        };
         let beside = arguments.figure.is_some() && plan.method != Method::Direct;
         let direct = beside.then(|| {
             let plan = Plan { method: Method::Direct, ..plan.clone() };
@@ -144,6 +184,7 @@ impl Ground<'_> {
         });
         Ok(Evaluated {
             rows,
+            linked,
             direct: direct.transpose()?,
             pixels: region.pixels(),
             left_out: region.left_out,
@@ -161,6 +202,7 @@ impl Ground<'_> {
 /// A region's curve, one row for each good frame.
 struct Evaluated {
     rows: Vec<CurveRow>,
+    linked: Option<Linked>,
     direct: Option<Vec<CurveRow>>,
     pixels: usize,
     left_out: usize,

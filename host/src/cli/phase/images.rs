@@ -5,10 +5,11 @@ use super::shown::Shown;
 use super::{Task, check_looks};
 use crate::cli::{megabytes, print};
 use crate::error::Result;
-use crate::image::{ImageJob, Imaging, Kernel, StripResult};
+use crate::image::{Fit, ImageJob, Imaging, Kernel, StripResult};
 use crate::io::{Attributes, ImageLayout, ImageWriter, Series, Shape};
 use crate::lanes::Path as LanePath;
 use crate::looks::SpatialCoherence;
+use crate::method::Method;
 use crate::progress::Progress;
 use crate::series::Survey;
 use serde_json::json;
@@ -24,17 +25,31 @@ impl Task<'_> {
         let figure = self.figure()?;
         let survey = self.survey()?;
         let coherence = self.coherence(&survey)?;
-        let effective = coherence.looks_of_kernel(&kernel);
+        let linked = self.plan.method == Method::Linked;
+        let of_layers = if linked { self.looks_of_layers(&survey)? } else { 1.0 };
+        let effective = coherence.looks_of_kernel(&kernel) * of_layers;
         let looks = self.arguments.looks().choose(kernel.nominal_looks(), effective);
         check_looks(self.plan.method, looks, "--gaussian")?;
+        let fit = Fit {
+            series: &self.good,
+            survey: &survey,
+            plan: &self.plan,
+            coherence: &coherence,
+            looks_of_layers: of_layers,
+            looks,
+            path,
+        };
+        let tiles = linked.then(|| fit.tiles(&Progress::new("coherence", fit.steps())));
+        let tiles = tiles.transpose()?;
         let job = ImageJob {
+            tiles: tiles.as_ref(),
             series: &self.good,
             survey: &survey,
             plan: &self.plan,
             sigma_px,
             looks,
             effective_looks: effective,
-            sigma: self.arguments.sigma,
+            sigma: self.arguments.sigma || linked,
             double,
             path,
             threads: self.common.threads(),
@@ -97,7 +112,7 @@ impl Task<'_> {
             height,
             width,
             strip_rows,
-            sigma: self.arguments.sigma,
+            sigma: self.arguments.sigma || self.plan.method == Method::Linked,
             attributes,
             times_s: self.good.times_s().map(|_| times()),
         }

@@ -23,7 +23,7 @@ use crate::error::{Error, Result};
 use crate::figures::style;
 use crate::frames::ChosenFrames;
 use crate::io::open_series;
-use crate::looks::SpatialCoherence;
+use crate::looks::{SpatialCoherence, looks_of_depths};
 use crate::method::{Depths, Method, Plan};
 use crate::series::{Survey, survey};
 use phasewalk_core::params::RANDOM_PROBABILITY;
@@ -96,6 +96,16 @@ impl Task<'_> {
             .map_err(|error| error.about(&self.arguments.series))
     }
 
+    /// Looks that the depths of a layer add to each pixel: of the layer that has fewer.
+    fn looks_of_layers(&self, survey: &Survey) -> Result<f64> {
+        let of = |layer: &std::ops::RangeInclusive<usize>| {
+            looks_of_depths(&self.good, survey, &layer.clone().collect::<Vec<_>>())
+        };
+        let first = of(&self.plan.depths.first)?;
+        let second = self.plan.depths.second.as_ref().map(of).transpose()?;
+        Ok(second.map_or(first, |second| first.min(second)))
+    }
+
     fn coherence(&self, survey: &Survey) -> Result<SpatialCoherence> {
         let layer: Vec<usize> = self.plan.depths.first.clone().collect();
         SpatialCoherence::estimate(&self.good, survey, &layer)
@@ -107,6 +117,7 @@ impl Task<'_> {
             Method::Direct => (style::DIRECT_NAME, style::DIRECT),
             Method::OneStep => (style::ONE_STEP_NAME, style::ONE_STEP),
             Method::Paper(_) => (style::EXTENDED_NAME, style::EXTENDED),
+            Method::Linked => (style::LINKED_NAME, style::LINKED),
         }
     }
 }

@@ -1,0 +1,115 @@
+//! Maximum-likelihood phases of one region, with what was found out about its coherence.
+
+use super::region::Region;
+use crate::allocate::{filled, zeros};
+use crate::error::{Error, Result};
+use crate::io::CurveRow;
+use crate::method::Plan;
+use crate::progress::Progress;
+use num_complex::Complex64;
+use phasewalk_core::coherence::{Lag, Mixture};
+use phasewalk_core::lags::Lags;
+use phasewalk_core::linking::{Buffers, Results, Settings, link_series};
+use rayon::prelude::*;
+
+/// Looks of the sub-windows over which each layer's cross-spectrum is averaged before the two are
+/// multiplied: few enough that a bulk tilt across the mask cancels within each, many enough that
+/// the product of two noises stays small.
+pub const LINKED_WINDOW_LOOKS: f64 = 16.0;
+
+/// What the memory of an estimate is called when it is short.
+const MATRICES: &str = "the matrices of all pairs of frames";
+
+/// Linked phases of a region.
+#[derive(Clone, Debug)]
+pub struct Linked {
+    /// Phase, standard deviation and quality of each frame.
+    pub rows: Vec<CurveRow>,
+    /// Fitted coherence between the frames, N x N.
+    pub gamma: Vec<f64>,
+    /// h(tau), without a periodic part.
+    pub mixture: Mixture<f64>,
+    /// Does Gamma have a periodic part?
+    pub periodic: bool,
+    /// Rms misfit of the mean coherences to `mixture`.
+    pub misfit: f64,
+}
+
+/// Link all frames of the region; `looks` are the independent ones behind its averages.
+///
+/// # Errors
+/// Too few looks, not enough memory, or the user's interruption.
+pub fn link_region(
+    region: &Region,
+    plan: &Plan,
+    looks: f64,
+    progress: &Progress,
+) -> Result<Linked> {
+    if looks.is_nan() || looks <= MIN_LOOKS {
+        return Err(Error::usage(format!(
+            "{looks:.1} independent looks: --method linked needs more than {MIN_LOOKS}; average \
+             over more pixels"
+        )));
+    }
+    let mut cross = cross_spectra(region, plan, progress)?;
+    link(&mut cross, plan, looks)
+}
+
+/// With two looks even frames without any coherence have |gamma| = 0.7 on average.
+const MIN_LOOKS: f64 = 2.0;
+
+/// ⟨U_i conj U_j⟩ of all frames, N x N.
+fn cross_spectra(region: &Region, plan: &Plan, progress: &Progress) -> Result<Vec<Complex64>> {
+    let frames = plan.frames();
+    let mut cross: Vec<Complex64> = zeros(frames * frames, MATRICES)?;
+    for i in 0..frames {
+        let row: Vec<Complex64> =
+            (0..=i).into_par_iter().map(|j| region.windowed_mean(i, j)).collect();
+        for (j, &c) in row.iter().enumerate() {
+            cross[i * frames + j] = c;
+            cross[j * frames + i] = c.conj();
+        }
+        progress.advance(1)?;
+    }
+    Ok(cross)
+}
+
+fn link(cross: &mut [Complex64], plan: &Plan, looks: f64) -> Result<Linked> {
+    let n = plan.frames();
+    let none = Lag { tau: 0.0, mean: 0.0, pairs: 0.0 };
+    let (mut reals, mut phasors) =
+        (zeros(Buffers::<f64>::reals(n), MATRICES)?, zeros(n, MATRICES)?);
+    let (mut lags, mut indices) =
+        (filled(none, n * n / 2 + 1, MATRICES)?, zeros(Lags::indices(n), MATRICES)?);
+    let buffers = Buffers {
+        reals: &mut reals,
+        phasors: &mut phasors,
+        lags: &mut lags,
+        indices: &mut indices,
+    };
+    let [mut phases, mut sigmas, mut quality] = [0; 3].map(|_| vec![0.0; n]);
+    let mut gamma = zeros(n * n, MATRICES)?;
+    let results = Results {
+        phases: &mut phases,
+        sigmas: &mut sigmas,
+        quality: &mut quality,
+        gamma: &mut gamma,
+    };
+    let settings =
+        Settings { looks, reference_frames: plan.params.reference_frames, acceleration: None };
+    let summary = link_series(cross, &plan.times_s, &settings, buffers, results);
+    let row = |frame: usize| CurveRow {
+        frame,
+        time_s: plan.times_s[frame],
+        phase_rad: phases[frame],
+        sigma_rad: sigmas[frame],
+        quality: quality[frame],
+    };
+    Ok(Linked {
+        rows: (0..n).map(row).collect(),
+        gamma,
+        mixture: summary.mixture,
+        periodic: summary.periodic,
+        misfit: summary.misfit,
+    })
+}

@@ -1,0 +1,78 @@
+//! The phase curve of a region: the ensemble average is the mean over a mask, in `f64`.
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | `region` | the pixels of the mask, and averages over them |
+//! | `estimate` | direct difference, one-step walk, the paper's least squares |
+//! | `linked` | maximum likelihood with a fitted coherence |
+
+mod estimate;
+mod linked;
+mod region;
+
+pub use linked::{LINKED_WINDOW_LOOKS, Linked, link_region};
+pub use region::Region;
+
+use crate::error::Result;
+use crate::io::CurveRow;
+use crate::method::{Method, Plan};
+use crate::progress::Progress;
+use estimate::Estimate;
+use rayon::prelude::*;
+
+/// Phase and standard deviation of each frame of the region.
+///
+/// `looks` are those of the weights, `effective_looks` those of the standard deviation.
+///
+/// # Errors
+/// When the user interrupts.
+pub fn curve(
+    region: &Region,
+    plan: &Plan,
+    looks: f64,
+    effective_looks: f64,
+    progress: &Progress,
+) -> Result<Vec<CurveRow>> {
+    if plan.method == Method::Linked {
+        return Ok(link_region(region, plan, effective_looks, progress)?.rows);
+    }
+    let powers = region.powers();
+    let pairs = plan.pairs();
+    let mut means = Vec::with_capacity(pairs.len());
+    let frames = plan.frames();
+    for chunk in pairs.chunks(pairs.len().div_ceil(frames)) {
+        let part: Vec<_> =
+            chunk.par_iter().map(|&(t, s)| region.pair_mean(t, s, &powers)).collect();
+        means.extend(part);
+        progress.advance(1)?;
+    }
+    let estimate = Estimate { plan, pairs: &pairs, means: &means, looks, effective_looks };
+    let (phases, sigmas) = match plan.method {
+        Method::Direct => estimate.direct(),
+        Method::OneStep => estimate.one_step(),
+        // Linked phases have been returned above.
+        Method::Paper(_) | Method::Linked => estimate.least_squares(),
+    };
+    let rows = phases.into_iter().zip(sigmas).zip(&plan.times_s).enumerate();
+    Ok(rows
+        .map(|(frame, ((phase_rad, sigma_rad), &time_s))| CurveRow {
+            frame,
+            time_s,
+            phase_rad,
+            sigma_rad,
+            quality: f64::NAN,
+        })
+        .collect())
+}
+
+/// What the phase of a region does beyond that of another: phases are subtracted, variances
+/// add, and a frame is as good as the worse of the two.
+///
+/// `control` has a row for each of `rows`.
+pub fn subtract(rows: &mut [CurveRow], control: &[CurveRow]) {
+    for (row, control) in rows.iter_mut().zip(control) {
+        row.phase_rad -= control.phase_rad;
+        row.sigma_rad = row.sigma_rad.hypot(control.sigma_rad);
+        row.quality = row.quality.min(control.quality);
+    }
+}

@@ -1,0 +1,407 @@
+//! One thread's way through the strips with linked phases: frame by frame the pairs with all earlier frames are
+//! filtered, the frame's phasor is walked from the nearest ones, and the residuals of all enter the score; one step of scoring
+//! at the end. No pair is kept beyond its frame.
+
+use super::filter::{Pair, Passes};
+use super::kernel::Kernel;
+use super::strip::{self, Layout, Source};
+use super::tiles::{Tile, Tiles};
+use super::worker::{STRIPS, blank_unusable, unload};
+use super::{Run, StripResult};
+use crate::allocate::filled;
+use crate::error::Result;
+use crate::io::Shape;
+use crate::lanes::Lanes;
+use crate::series::Survey;
+use num_complex::{Complex, Complex32};
+use phasewalk_core::chain::unwrap_chain;
+use phasewalk_core::layers::layer_difference;
+use phasewalk_core::linking::{START_FRAMES, residual, start_phasor, turn};
+use phasewalk_core::reference::subtract_reference;
+use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Layouts and kernels of the averages: of two layers each is averaged over sub-windows before they are multiplied.
+pub struct Stages {
+    /// The average of the product, or of the one layer.
+    whole: Kernel,
+    /// The sub-window of two layers.
+    window: Option<Kernel>,
+}
+
+impl Stages {
+    /// For one layer the Gaussian as asked for; for two its variance is shared between sub-window and rest.
+    ///
+    /// # Errors
+    /// When sigma does not fit the image.
+    pub fn new(run: &super::ImageJob<'_>, kernel: &Kernel) -> Result<Self> {
+        if run.plan.depths.second.is_none() {
+            return Ok(Self { whole: kernel.clone(), window: None });
+        }
+        let part = |share: f64| {
+            let sigma = kernel.sigma_px * share.sqrt();
+            Kernel::new(sigma, kernel.height, kernel.width, run.double)
+        };
+        Ok(Self { whole: part(0.5)?, window: Some(part(0.5)?) })
+    }
+
+    /// Rows of halo that both need.
+    pub fn halo(&self) -> usize {
+        self.whole.radius() + self.window.as_ref().map_or(0, Kernel::radius)
+    }
+}
+
+/// Bytes of one thread with strips of `rows` rows.
+pub fn bytes<L: Lanes>(job: &super::ImageJob<'_>, kernel: &Kernel, rows: usize) -> Result<u64> {
+    let stages = Stages::new(job, kernel)?;
+    let Shape { frames, width, .. } = job.series.shape();
+    let layout = Layout::new(width, L::WIDTH, stages.whole.radius());
+    let vector = size_of::<L>() as u64;
+    let [places, tall, middle] = [0, 2 * stages.halo(), 2 * stages.whole.radius()]
+        .map(|halo| ((rows + halo) * layout.blocks) as u64);
+    let (frames, depths) = (frames as u64, job.plan.depths.all().len() as u64);
+    let fields = frames * depths * tall * 2 * vector;
+    let sums = places * frames * (2 + 2 + 1 + 1) * vector + 4 * middle * vector;
+    let models = 2 * frames * frames * vector;
+    let results = frames * (rows * width * 8) as u64;
+    let passes = 2 * Passes::<L>::bytes(&layout, rows + middle as usize / layout.blocks) as u64;
+    Ok(fields + sums + models + results + passes)
+}
+
+/// One thread: strips until there are none left.
+#[inline(always)]
+pub(super) fn work<L: Lanes>(run: &Run<'_>, tiles: &Tiles, next: &AtomicUsize) -> Result<()> {
+    let height = run.job.series.shape().height;
+    let mut worker = Worker::<L>::new(run)?;
+    loop {
+        let first_row = next.fetch_add(1, Ordering::Relaxed).saturating_mul(run.rows);
+        if first_row >= height {
+            return Ok(());
+        }
+        let rows = first_row..(first_row + run.rows).min(height);
+        worker.load(run, rows.clone())?;
+        worker.expand_models(tiles, &rows);
+        worker.link(run, rows.len())?;
+        worker.report(run, tiles, rows)?;
+    }
+}
+
+/// Buffers of one thread, allocated once.
+struct Worker<L> {
+    stages: Stages,
+    /// Of the average: its halo on each side of a row.
+    layout: Layout,
+    /// Of the sub-windows.
+    window: Layout,
+    depths: Vec<usize>,
+    in_first: usize,
+    buffer: Vec<Complex32>,
+    /// (frame, depth, row, vector).
+    fields: Vec<Complex<L>>,
+    averager: Averager<L>,
+    /// (frame, row, vector): 1 / sqrt of the mean power.
+    inverse_root: Vec<L>,
+    /// (frame j, row, vector): gamma_ij of the frame i under way.
+    gamma: Vec<Complex<L>>,
+    /// (frame, row, vector).
+    phasors: Vec<Complex<L>>,
+    /// (frame, row, vector).
+    score: Vec<L>,
+    /// Q and (F + 1 1^T / N)^-1 of each lane's tile, (frame, frame).
+    precision: Vec<L>,
+    inverse: Vec<L>,
+    /// (time, row, x).
+    phases: Vec<f32>,
+    sigmas: Vec<f32>,
+}
+
+impl<L: Lanes> Worker<L> {
+    fn new(run: &Run<'_>) -> Result<Self> {
+        let job = run.job;
+        let Shape { frames, width, .. } = job.series.shape();
+        let stages = Stages::new(job, run.kernel)?;
+        let layout = Layout::new(width, L::WIDTH, stages.whole.radius());
+        let radius = stages.window.as_ref().map_or(0, Kernel::radius);
+        let window = Layout::new(width, L::WIDTH, radius);
+        let depths = job.plan.depths.all();
+        let places = run.rows * layout.blocks;
+        let tall = (run.rows + 2 * stages.halo()) * layout.blocks;
+        let zero = Complex { re: L::zero(), im: L::zero() };
+        let numbers = |count: usize| filled(L::zero(), count, STRIPS);
+        Ok(Self {
+            buffer: Vec::new(),
+            fields: filled(zero, frames * depths.len() * tall, STRIPS)?,
+            averager: Averager::new(&stages, &layout, &window, run.rows),
+            inverse_root: numbers(frames * places)?,
+            gamma: filled(zero, frames * places, STRIPS)?,
+            phasors: filled(zero, frames * places, STRIPS)?,
+            score: numbers(frames * places)?,
+            precision: numbers(frames * frames)?,
+            inverse: numbers(frames * frames)?,
+            phases: vec![0.0; frames * run.rows * width],
+            sigmas: vec![0.0; if job.sigma { frames * run.rows * width } else { 0 }],
+            in_first: job.plan.depths.in_first(),
+            stages,
+            layout,
+            window,
+            depths,
+        })
+    }
+
+    #[inline(always)]
+    fn load(&mut self, run: &Run<'_>, rows: Range<usize>) -> Result<()> {
+        let Survey { valid, scale, .. } = run.job.survey;
+        let source = Source { depths: &self.depths, valid, scale: *scale };
+        let layout = self.layout.with_rows_of_halo(self.stages.halo());
+        let tall = (rows.len() + 2 * layout.halo) * layout.blocks;
+        let all = run.job.series.shape().frames * self.depths.len() * tall;
+        let (series, buffer) = (run.job.series, &mut self.buffer);
+        strip::load(series, &source, &layout, rows, buffer, &mut self.fields[..all])
+    }
+
+    /// The tile of each lane: that of the middle of its block of columns, at the strip's middle row.
+    fn tile<'a>(&self, tiles: &'a Tiles, rows: &Range<usize>, lane: usize) -> &'a Tile {
+        let Layout { blocks, width, .. } = self.layout;
+        let column = (lane * blocks + blocks / 2) % width;
+        tiles.at((rows.start + rows.end) / 2, column)
+    }
+
+    fn expand_models(&mut self, tiles: &Tiles, rows: &Range<usize>) {
+        for lane in 0..L::WIDTH {
+            let tile = self.tile(tiles, rows, lane);
+            let parts =
+                [(&mut self.precision, &tile.precision), (&mut self.inverse, &tile.inverse)];
+            for (lanes, numbers) in parts {
+                let own = L::flat_mut(lanes).iter_mut().skip(lane).step_by(L::WIDTH);
+                for (place, &number) in own.zip(numbers) {
+                    *place = L::Element::from(number);
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn link(&mut self, run: &Run<'_>, rows: usize) -> Result<()> {
+        let frames = run.job.plan.frames();
+        self.score.fill(L::zero());
+        for i in 0..frames {
+            self.filter_power(rows, i);
+            for j in 0..i {
+                self.filter_pair(rows, i, j);
+            }
+            self.walk(rows, i);
+            self.add_residuals(rows, i);
+            run.progress.advance(1)?;
+        }
+        self.finish(run, rows);
+        Ok(())
+    }
+
+    /// 1 / sqrt⟨|U_i|^2⟩, 0 in the dark.
+    #[inline(always)]
+    fn filter_power(&mut self, rows: usize, i: usize) {
+        let Self { stages, layout, window, fields, averager, inverse_root, .. } = self;
+        let places = rows * layout.blocks;
+        let size = self.depths.len() * (rows + 2 * stages.halo()) * layout.blocks;
+        let field = &fields[i * size..][..size];
+        let pair = Pair {
+            earlier: field,
+            later: field,
+            in_first: self.in_first,
+            depths: self.depths.len(),
+        };
+        let own = &mut inverse_root[i * places..][..places];
+        averager.run(layout, window, rows, pair, |place, c| {
+            let lit = L::from_f64(f64::from(f32::MIN_POSITIVE)).lt(c.re);
+            let root = L::select(lit, c.re, L::one()).inverse_sqrt();
+            own[place] = L::select(lit, root, L::zero());
+        });
+    }
+
+    /// gamma_ij.
+    #[inline(always)]
+    fn filter_pair(&mut self, rows: usize, i: usize, j: usize) {
+        let Self { stages, layout, window, fields, averager, inverse_root, gamma, .. } = self;
+        let places = rows * layout.blocks;
+        let size = self.depths.len() * (rows + 2 * stages.halo()) * layout.blocks;
+        let pair = Pair {
+            earlier: &fields[i * size..][..size],
+            later: &fields[j * size..][..size],
+            in_first: self.in_first,
+            depths: self.depths.len(),
+        };
+        let root = |frame: usize| &inverse_root[frame * places..][..places];
+        let (root_i, root_j) = (root(i), root(j));
+        let target = &mut gamma[j * places..][..places];
+        averager.run(layout, window, rows, pair, |place, c| {
+            let share = root_i[place] * root_j[place];
+            target[place] = Complex { re: c.re * share, im: c.im * share };
+        });
+    }
+
+    /// z_i from the nearest predecessors.
+    #[inline(always)]
+    fn walk(&mut self, rows: usize, i: usize) {
+        let places = rows * self.layout.blocks;
+        let n = self.frames();
+        let (known, rest) = self.phasors.split_at_mut(i * places);
+        let Some(new) = rest.get_mut(..places) else { return };
+        new.fill(Complex { re: L::zero(), im: L::zero() });
+        for j in i.saturating_sub(START_FRAMES)..i {
+            let weight = (-self.precision[i * n + j]).max(L::zero());
+            let pairs = self.gamma[j * places..].iter().zip(&known[j * places..]);
+            for (sum, (&gamma, &z)) in new.iter_mut().zip(pairs) {
+                let c = turn(gamma, z);
+                sum.re = weight.mul_add(c.re, sum.re);
+                sum.im = weight.mul_add(c.im, sum.im);
+            }
+        }
+        let one = Complex { re: L::one(), im: L::zero() };
+        let before = known.len().checked_sub(places).map(|start| &known[start..]);
+        for (place, z) in new.iter_mut().enumerate() {
+            *z = start_phasor(*z, before.map_or(one, |before| before[place]));
+        }
+    }
+
+    /// Residuals of all pairs (i, j < i) into the scores of both.
+    #[inline(always)]
+    fn add_residuals(&mut self, rows: usize, i: usize) {
+        let places = rows * self.layout.blocks;
+        let n = self.frames();
+        let own = &self.phasors[i * places..][..places];
+        let (earlier, rest) = self.score.split_at_mut(i * places);
+        for j in 0..i {
+            let q = self.precision[i * n + j];
+            let pairs = self.gamma[j * places..].iter().zip(&self.phasors[j * places..]);
+            let scores = rest.iter_mut().zip(&mut earlier[j * places..]);
+            for ((score_i, score_j), ((&gamma, &z_j), &z_i)) in scores.zip(pairs.zip(own)) {
+                let pull = q * residual(z_i, gamma, z_j);
+                *score_i = *score_i - pull;
+                *score_j += pull;
+            }
+        }
+    }
+
+    fn frames(&self) -> usize {
+        self.precision.len().isqrt()
+    }
+
+    /// phi = arg z + F^-1 g of all places.
+    #[inline(always)]
+    fn finish(&mut self, run: &Run<'_>, rows: usize) {
+        let blocks = self.layout.blocks;
+        let (places, n) = (rows * blocks, run.job.plan.frames());
+        let mut phases = vec![L::zero(); n];
+        let mut score = vec![L::zero(); n];
+        for place in 0..places {
+            for (frame, score) in score.iter_mut().enumerate() {
+                *score = self.score[frame * places + place];
+            }
+            for (frame, phase) in phases.iter_mut().enumerate() {
+                let z = self.phasors[frame * places + place];
+                let row = &self.inverse[frame * n..][..n];
+                let mut sum = z.im.atan2(z.re);
+                for (&f, &g) in row.iter().zip(&score) {
+                    sum = f.mul_add(g, sum);
+                }
+                *phase = sum;
+            }
+            let (row, vector) = (place / blocks, place % blocks);
+            unload(&self.layout, &phases, row, vector, rows, &mut self.phases);
+        }
+    }
+
+    /// Unwrap each pixel in time and hand the strip over, NaN where there is no phase.
+    fn report(&mut self, run: &Run<'_>, tiles: &Tiles, rows: Range<usize>) -> Result<()> {
+        let Shape { frames, width, .. } = run.job.series.shape();
+        let plan = run.job.plan;
+        let valid = &run.job.survey.valid[rows.start * width..rows.end * width];
+        let pixels = valid.len();
+        let mut unmeasured = 0;
+        let mut series = vec![0.0_f32; frames];
+        for (pixel, _) in valid.iter().enumerate().filter(|&(_, &valid)| valid) {
+            let tile = self.tile(tiles, &rows, pixel % width / self.layout.blocks);
+            for (frame, phase) in series.iter_mut().enumerate() {
+                *phase = self.phases[frame * pixels + pixel];
+            }
+            unwrap_chain(&mut series, &plan.times_s, &tile.quality);
+            let counted: Vec<f32> = tile.usable.iter().map(|&u| f32::from(u8::from(u))).collect();
+            subtract_reference(&mut series, &counted, plan.params.reference_frames);
+            unmeasured += usize::from(!tile.usable.contains(&true));
+            for (frame, &phase) in series.iter().enumerate() {
+                let known = tile.usable[frame];
+                self.phases[frame * pixels + pixel] = if known { phase } else { f32::NAN };
+                if let Some(sigma) = self.sigmas.get_mut(frame * pixels + pixel) {
+                    *sigma = tile.sigmas[frame];
+                }
+            }
+        }
+        let size = frames * pixels;
+        blank_unusable(&mut self.phases, valid, frames);
+        blank_unusable(&mut self.sigmas, valid, frames);
+        run.unmeasured.fetch_add(unmeasured, Ordering::Relaxed);
+        let sigmas = run.job.sigma.then(|| &self.sigmas[..size]);
+        let phases = &self.phases[..size];
+        (run.each)(StripResult { first_row: rows.start, phases, sigmas, valid })
+    }
+}
+
+/// The average of a pair over the Gaussian, of two layers by way of sub-windows.
+struct Averager<L> {
+    whole: Passes<L>,
+    window: Option<Passes<L>>,
+    /// Each layer's average over sub-windows, (row, vector).
+    layers: [Vec<Complex<L>>; 2],
+}
+
+impl<L: Lanes> Averager<L> {
+    fn new(stages: &Stages, layout: &Layout, window: &Layout, rows: usize) -> Self {
+        let middle = rows + 2 * layout.halo;
+        let zero = Complex { re: L::zero(), im: L::zero() };
+        let half = stages.window.as_ref().map(|kernel| &kernel.half);
+        let places = if half.is_some() { middle * layout.blocks } else { 0 };
+        Self {
+            whole: Passes::new(layout, rows, &stages.whole.half),
+            window: half.map(|half| Passes::new(window, middle, half)),
+            layers: [vec![zero; places], vec![zero; places]],
+        }
+    }
+
+    /// Give `each(place, mean)` for every place of the strip.
+    #[inline(always)]
+    fn run(
+        &mut self,
+        layout: &Layout,
+        window: &Layout,
+        rows: usize,
+        pair: Pair<'_, L>,
+        mut each: impl FnMut(usize, Complex<L>),
+    ) {
+        let blocks = layout.blocks;
+        let each = |row: usize, vector: usize, [re, im]: [L; 2]| {
+            each(row * blocks + vector, Complex { re, im });
+        };
+        let Some(passes) = &mut self.window else {
+            self.whole.run::<2>(layout, rows, pair, each);
+            return;
+        };
+        let middle = rows + 2 * layout.halo;
+        let plane = (middle + 2 * window.halo) * blocks;
+        for (layer, average) in self.layers.iter_mut().enumerate() {
+            let depths = if layer == 0 { 0..pair.in_first } else { pair.in_first..pair.depths };
+            let source = |place: usize| {
+                let c = pair.sum(depths.clone(), place, plane);
+                [c.re, c.im]
+            };
+            passes.filter::<2>(window, middle, source, |row, vector, [re, im]| {
+                average[row * blocks + vector] = Complex { re, im };
+            });
+        }
+        let [first, second] = &self.layers;
+        let product = |place: usize| {
+            let c = layer_difference(first[place], second[place]);
+            [c.re, c.im]
+        };
+        self.whole.filter::<2>(layout, rows, product, each);
+    }
+}

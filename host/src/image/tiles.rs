@@ -1,0 +1,364 @@
+//! The coherence of the speckle in each part of the image, which linked phases start from.
+//!
+//! The image is cut into tiles, a tile into square blocks of about sixteen looks. In a block the phase is nearly the same
+//! everywhere, so |C_ij|^2 of the block's mean does not depend on it; for Gaussian speckle of L looks, and means over
+//! the tile's blocks,
+//!
+//! S = sum of |C_ij|^2 / sum of P_i P_j = (|gamma|^2 + 1/L) / (1 + |gamma|^2/L),
+//!
+//! which is solved for |gamma_ij|^2. One model of Gamma is fitted to these in every tile, and what all its pixels share is
+//! computed once: precision, inverse information, standard deviations.
+
+use crate::allocate::{filled, zeros};
+use crate::error::Result;
+use crate::io::{Series, Shape};
+use crate::lanes::{LaneTask, Lanes, Path};
+use crate::looks::SpatialCoherence;
+use crate::method::Plan;
+use crate::progress::Progress;
+use crate::series::Survey;
+use num_complex::{Complex, Complex32, Complex64};
+use phasewalk_core::bound::{information, invert_laplacian, reported_variance, sandwich};
+use phasewalk_core::coherence::{Lag, Mixture};
+use phasewalk_core::cross_spectrum::cross_spectrum;
+use phasewalk_core::lags::Lags;
+use phasewalk_core::linking::is_usable;
+use phasewalk_core::model::{Buffers, Model};
+use phasewalk_core::square::Square;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Looks of a block.
+const BLOCK_LOOKS: f64 = 16.0;
+
+/// Blocks along the side of a tile: their 36 squared coherences average to 3 % of one.
+const BLOCKS: usize = 6;
+
+/// Part of its pixels that a block must have.
+const FILLED: f64 = 0.5;
+
+/// What is called short when memory is.
+const TILES: &str = "the coherence of the image's tiles";
+
+/// What the pixels of a tile share.
+pub struct Tile {
+    /// Q, N x N.
+    pub precision: Vec<f32>,
+    /// (F + 1 1^T / N)^-1, N x N.
+    pub inverse: Vec<f32>,
+    /// Standard deviation of the reported phase, rad, for the looks of the Gaussian.
+    pub sigmas: Vec<f32>,
+    /// s_i.
+    pub quality: Vec<f64>,
+    /// Whether the frame's phase is reported.
+    pub usable: Vec<bool>,
+    /// h(tau).
+    pub mixture: Mixture<f64>,
+}
+
+/// The image's tiles, row after row.
+pub struct Tiles {
+    /// First pixel row and column of each, and the image's end.
+    edges: [Vec<usize>; 2],
+    tiles: Vec<Tile>,
+}
+
+/// How tiles are fitted.
+pub struct Fit<'a> {
+    /// The frames.
+    pub series: &'a dyn Series,
+    /// Their usable pixels and scale.
+    pub survey: &'a Survey,
+    /// Depths, times, reference frames.
+    pub plan: &'a Plan,
+    /// How far a speckle reaches.
+    pub coherence: &'a SpatialCoherence,
+    /// Looks that the depths of a layer add to each pixel.
+    pub looks_of_layers: f64,
+    /// Looks of the Gaussian that the phases are averaged with.
+    pub looks: f64,
+    /// Vector instructions.
+    pub path: Path,
+}
+
+impl Fit<'_> {
+    /// Fit all tiles; one step of progress for each row of them.
+    ///
+    /// # Errors
+    /// What the series reports, lack of memory, or the user's interruption.
+    pub fn tiles(&self, progress: &Progress) -> Result<Tiles> {
+        let block = self.block();
+        let edges = self.edges(block.side);
+        let mut tiles = Vec::new();
+        for rows in edges[0].windows(2) {
+            let band = Band::read(self, rows[0]..rows[1])?;
+            let columns: Vec<_> = edges[1].windows(2).map(|edge| edge[0]..edge[1]).collect();
+            let row: Result<Vec<Tile>> =
+                columns.into_par_iter().map(|columns| self.tile(&band, &block, columns)).collect();
+            tiles.extend(row?);
+            progress.advance(1)?;
+        }
+        Ok(Tiles { edges, tiles })
+    }
+
+    /// Steps of progress that [`Self::tiles`] makes.
+    #[must_use]
+    pub fn steps(&self) -> u64 {
+        self.edges(self.block().side)[0].len() as u64 - 1
+    }
+
+    fn block(&self) -> Block {
+        let Shape { height, width, .. } = self.series.shape();
+        let lateral = BLOCK_LOOKS / self.looks_of_layers;
+        let side = self.coherence.side_of_looks(lateral, height.min(width));
+        let looks = self.coherence.looks_of_mask(&vec![true; side * side], side);
+        Block { side, looks: looks * self.looks_of_layers }
+    }
+
+    /// Tiles of about six blocks' side, all nearly alike.
+    fn edges(&self, side: usize) -> [Vec<usize>; 2] {
+        let Shape { height, width, .. } = self.series.shape();
+        [height, width].map(|length| {
+            let count = ((length as f64 / (side * BLOCKS) as f64).round() as usize).max(1);
+            (0..=count).map(|i| i * length / count).collect()
+        })
+    }
+
+    fn tile(&self, band: &Band, block: &Block, columns: Range<usize>) -> Result<Tile> {
+        let task = TileTask { fit: self, band, block, columns };
+        let (squares, blocks) = self.path.run(task)??;
+        self.solve(squares, blocks.max(1) as f64, block.looks)
+    }
+
+    /// The model of a tile and what follows from it.
+    fn solve(&self, mut squares: Vec<f64>, blocks: f64, block_looks: f64) -> Result<Tile> {
+        let n = self.plan.frames();
+        let mut reals = zeros(Buffers::<f64>::reals(n), TILES)?;
+        let mut lags = filled(Lag { tau: 0.0, mean: 0.0, pairs: 0.0 }, n * n / 2 + 1, TILES)?;
+        let mut indices = zeros(Lags::indices(n), TILES)?;
+        let mut matrices: [Vec<f64>; 6] = [0; 6].map(|_| vec![0.0; n * n]);
+        let [root, precision, inverse, honest, a, b] = &mut matrices;
+        let [mut root, mut precision, mut inverse] =
+            [root, precision, inverse].map(|data| Square::new(data, n));
+        let [mut honest, mut a, mut b] = [honest, a, b].map(|data| Square::new(data, n));
+        let buffers = Buffers { reals: &mut reals, lags: &mut lags, indices: &mut indices };
+        // The spread of a mean squared coherence is 1 / (L sqrt(blocks)).
+        let looks = block_looks * blocks.sqrt();
+        let mut model = Model::new(&self.plan.times_s, looks, buffers);
+        model.fit_blind(&Square::new(&mut squares, n), &mut root);
+        precision.copy_from(&model.gamma);
+        precision.invert();
+        information(&model.gamma, &precision, &mut inverse);
+        invert_laplacian(&mut inverse);
+        sandwich(&precision, &root, self.looks, &mut honest, &mut a, &mut b);
+        let usable: Vec<bool> =
+            (0..n).map(|i| is_usable(&model, &precision, self.looks, i)).collect();
+        let counted: Vec<f64> = usable.iter().map(|&usable| f64::from(usable)).collect();
+        let references = self.plan.params.reference_frames;
+        let sigma = |frame: usize| {
+            let bound = reported_variance(&inverse, &counted, references, frame) * 0.5 / self.looks;
+            let other = reported_variance(&honest, &counted, references, frame);
+            let known = usable[frame];
+            if known { bound.max(other).sqrt() as f32 } else { f32::INFINITY }
+        };
+        let single = |matrix: &Square<'_, f64>| -> Vec<f32> {
+            (0..n).flat_map(|i| matrix.row(i).iter().map(|&x| x as f32)).collect()
+        };
+        Ok(Tile {
+            sigmas: (0..n).map(sigma).collect(),
+            precision: single(&precision),
+            inverse: single(&inverse),
+            quality: model.quality.to_vec(),
+            usable,
+            mixture: model.mixture,
+        })
+    }
+}
+
+impl Tiles {
+    /// The tile that a pixel lies in.
+    #[must_use]
+    pub fn at(&self, y: usize, x: usize) -> &Tile {
+        let [rows, columns] = &self.edges;
+        let within = |edges: &[usize], place: usize| {
+            edges.partition_point(|&edge| edge <= place).clamp(1, edges.len() - 1) - 1
+        };
+        &self.tiles[within(rows, y) * (columns.len() - 1) + within(columns, x)]
+    }
+
+    /// Bytes of all tiles.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        self.tiles.iter().map(|tile| 8 * tile.precision.len() as u64).sum()
+    }
+}
+
+/// A square over which C is averaged.
+struct Block {
+    side: usize,
+    /// Independent looks of its mean.
+    looks: f64,
+}
+
+/// The rows of one row of tiles: all frames and depths.
+struct Band {
+    /// (frame, depth, row, x).
+    fields: Vec<Complex32>,
+    /// First row.
+    rows: Range<usize>,
+}
+
+impl Band {
+    fn read(fit: &Fit<'_>, rows: Range<usize>) -> Result<Self> {
+        let Shape { frames, width, .. } = fit.series.shape();
+        let depths = fit.plan.depths.all();
+        let plane = rows.len() * width;
+        let mut fields = zeros(frames * depths.len() * plane, TILES)?;
+        let mut planes = fields.chunks_exact_mut(plane);
+        for frame in 0..frames {
+            for (&depth, plane) in depths.iter().zip(&mut planes) {
+                fit.series.read_rows(frame, depth, rows.clone(), plane)?;
+            }
+        }
+        Ok(Self { fields, rows })
+    }
+}
+
+/// Mean squared coherences of a tile, and over how many blocks.
+struct TileTask<'a> {
+    fit: &'a Fit<'a>,
+    band: &'a Band,
+    block: &'a Block,
+    columns: Range<usize>,
+}
+
+impl LaneTask for TileTask<'_> {
+    type Output = Result<(Vec<f64>, usize)>;
+
+    #[inline(always)]
+    fn run<L: Lanes<Element = f32>>(self) -> Result<(Vec<f64>, usize)> {
+        let n = self.fit.plan.frames();
+        let depths = self.fit.plan.depths.all().len();
+        let in_first = self.fit.plan.depths.in_first();
+        let layers: Vec<Range<usize>> =
+            if in_first == depths { vec![0..depths] } else { vec![0..in_first, in_first..depths] };
+        let mut sums = vec![Sums::new(n)?; layers.len()];
+        let mut blocks = 0;
+        for y in self.band.rows.clone().step_by(self.block.side) {
+            for x in self.columns.clone().step_by(self.block.side) {
+                let pixels = self.pixels(y, x);
+                if (pixels.len() as f64) < FILLED * (self.block.side * self.block.side) as f64 {
+                    continue;
+                }
+                blocks += 1;
+                for (sums, layer) in sums.iter_mut().zip(&layers) {
+                    sums.add(&self.gather::<L>(&pixels, layer.clone()), n);
+                }
+            }
+        }
+        let mut squares = vec![1.0; n * n];
+        for sums in &sums {
+            for (square, layer) in squares.iter_mut().zip(sums.squares(self.block.looks, n)) {
+                *square *= layer;
+            }
+        }
+        Ok((squares, blocks))
+    }
+}
+
+impl TileTask<'_> {
+    /// Places in the band's planes of the usable pixels of the block at (y, x).
+    fn pixels(&self, y: usize, x: usize) -> Vec<usize> {
+        let Shape { width, .. } = self.fit.series.shape();
+        let valid = &self.fit.survey.valid;
+        let rows = y..(y + self.block.side).min(self.band.rows.end);
+        let columns = x..(x + self.block.side).min(self.columns.end);
+        let all = rows.flat_map(|y| columns.clone().map(move |x| (y, x)));
+        all.filter(|&(y, x)| valid[y * width + x])
+            .map(|(y, x)| (y - self.band.rows.start) * width + x)
+            .collect()
+    }
+
+    /// The block's fields, (frame, vector), its pixels and depths side by side in lanes.
+    #[inline(always)]
+    fn gather<L: Lanes<Element = f32>>(
+        &self,
+        pixels: &[usize],
+        layer: Range<usize>,
+    ) -> Vec<Complex<L>> {
+        let Shape { width, .. } = self.fit.series.shape();
+        let depths = self.fit.plan.depths.all().len();
+        let plane = self.band.rows.len() * width;
+        let vectors = (pixels.len() * layer.len()).div_ceil(L::WIDTH);
+        let zero = Complex { re: L::zero(), im: L::zero() };
+        let mut fields = vec![zero; self.fit.plan.frames() * vectors];
+        let scale = self.fit.survey.scale;
+        for (frame, target) in fields.chunks_exact_mut(vectors).enumerate() {
+            let places = layer.clone().flat_map(|z| pixels.iter().map(move |&pixel| (z, pixel)));
+            for (i, (z, pixel)) in places.enumerate() {
+                let u = self.band.fields[(frame * depths + z) * plane + pixel] * scale;
+                let vector = &mut target[i / L::WIDTH];
+                L::flat_mut(std::slice::from_mut(&mut vector.re))[i % L::WIDTH] = u.re;
+                L::flat_mut(std::slice::from_mut(&mut vector.im))[i % L::WIDTH] = u.im;
+            }
+        }
+        fields
+    }
+}
+
+/// Sums over blocks: |C_ij|^2 and P_i P_j of pairs j <= i.
+#[derive(Clone)]
+struct Sums {
+    squares: Vec<f64>,
+    powers: Vec<f64>,
+}
+
+impl Sums {
+    fn new(n: usize) -> Result<Self> {
+        Ok(Self { squares: zeros(n * n, TILES)?, powers: zeros(n * n, TILES)? })
+    }
+
+    /// A block's fields, (frame, vector).
+    #[inline(always)]
+    fn add<L: Lanes<Element = f32>>(&mut self, fields: &[Complex<L>], n: usize) {
+        let vectors = fields.len() / n.max(1);
+        let frame = |i: usize| &fields[i * vectors..][..vectors];
+        let powers: Vec<f64> = (0..n).map(|i| total(frame(i), frame(i)).re).collect();
+        for i in 0..n {
+            for j in 0..i {
+                self.squares[i * n + j] += total(frame(i), frame(j)).norm_sqr();
+                self.powers[i * n + j] += powers[i] * powers[j];
+            }
+        }
+    }
+
+    /// |gamma_ij|^2, N x N, 1 on the diagonal.
+    fn squares(&self, looks: f64, n: usize) -> Vec<f64> {
+        let square = |i: usize, j: usize| {
+            let (i, j) = (i.max(j), i.min(j));
+            let power = self.powers[i * n + j];
+            if i == j {
+                1.0
+            } else if power > 0.0 {
+                let s = self.squares[i * n + j] / power;
+                (s - 1.0 / looks) / (1.0 - s / looks)
+            } else {
+                0.0
+            }
+        };
+        (0..n * n).map(|place| square(place / n, place % n)).collect()
+    }
+}
+
+/// Sum of u conj v over all lanes.
+#[inline(always)]
+fn total<L: Lanes<Element = f32>>(u: &[Complex<L>], v: &[Complex<L>]) -> Complex64 {
+    let (mut re, mut im) = (L::zero(), L::zero());
+    for (&u, &v) in u.iter().zip(v) {
+        let c = cross_spectrum(u, v);
+        re += c.re;
+        im += c.im;
+    }
+    let sum = |x: L| L::flat(&[x]).iter().map(|&lane| f64::from(lane)).sum();
+    Complex64 { re: sum(re), im: sum(im) }
+}
