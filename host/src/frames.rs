@@ -113,6 +113,19 @@ impl<'a> ChosenFrames<'a> {
         all
     }
 
+    /// A matrix of the chosen frames as one of all: NaN for the others.
+    #[must_use]
+    pub fn matrix_of_all(&self, matrix: &[f64]) -> Vec<f64> {
+        let frames = self.in_all();
+        let mut all = vec![f64::NAN; frames * frames];
+        for (&i, row) in self.chosen.iter().zip(matrix.chunks_exact(self.chosen.len().max(1))) {
+            for (&j, &value) in self.chosen.iter().zip(row) {
+                all[i * frames + j] = value;
+            }
+        }
+        all
+    }
+
     /// Images (time, ...) of the chosen frames as images of all: NaN for the others.
     #[must_use]
     pub fn images_of_all<'b>(&self, images: &'b [f32]) -> Cow<'b, [f32]> {

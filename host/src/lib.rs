@@ -25,4 +25,5 @@ pub mod reconstruct;
 pub mod report;
 pub mod series;
 pub mod simulate;
+pub mod study;
 pub mod trigger;

@@ -2,7 +2,7 @@
 
 use super::region::Region;
 use crate::allocate::{filled, zeros};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::io::CurveRow;
 use crate::method::Plan;
 use crate::progress::Progress;
@@ -38,25 +38,16 @@ pub struct Linked {
 /// Link all frames of the region; `looks` are the independent ones behind its averages.
 ///
 /// # Errors
-/// Too few looks, not enough memory, or the user's interruption.
+/// Not enough memory, or the user's interruption.
 pub fn link_region(
     region: &Region,
     plan: &Plan,
     looks: f64,
     progress: &Progress,
 ) -> Result<Linked> {
-    if looks.is_nan() || looks <= MIN_LOOKS {
-        return Err(Error::usage(format!(
-            "{looks:.1} independent looks: --method linked needs more than {MIN_LOOKS}; average \
-             over more pixels"
-        )));
-    }
     let mut cross = cross_spectra(region, plan, progress)?;
     link(&mut cross, plan, looks)
 }
-
-/// With two looks even frames without any coherence have |gamma| = 0.7 on average.
-const MIN_LOOKS: f64 = 2.0;
 
 /// ⟨U_i conj U_j⟩ of all frames, N x N.
 fn cross_spectra(region: &Region, plan: &Plan, progress: &Progress) -> Result<Vec<Complex64>> {
@@ -74,7 +65,11 @@ fn cross_spectra(region: &Region, plan: &Plan, progress: &Progress) -> Result<Ve
     Ok(cross)
 }
 
-fn link(cross: &mut [Complex64], plan: &Plan, looks: f64) -> Result<Linked> {
+/// Link the frames of averages ⟨U_i conj U_j⟩, N x N, of so many independent looks; they come back normalised.
+///
+/// # Errors
+/// Not enough memory.
+pub(crate) fn link(cross: &mut [Complex64], plan: &Plan, looks: f64) -> Result<Linked> {
     let n = plan.frames();
     let none = Lag { tau: 0.0, mean: 0.0, pairs: 0.0 };
     let (mut reals, mut phasors) =

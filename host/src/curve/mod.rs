@@ -10,6 +10,7 @@ mod estimate;
 mod linked;
 mod region;
 
+pub(crate) use linked::link;
 pub use linked::{LINKED_WINDOW_LOOKS, Linked, link_region};
 pub use region::Region;
 
@@ -18,6 +19,7 @@ use crate::io::CurveRow;
 use crate::method::{Method, Plan};
 use crate::progress::Progress;
 use estimate::Estimate;
+use phasewalk_core::ensemble::PairMean;
 use rayon::prelude::*;
 
 /// Phase and standard deviation of each frame of the region.
@@ -46,13 +48,7 @@ pub fn curve(
         means.extend(part);
         progress.advance(1)?;
     }
-    let estimate = Estimate { plan, pairs: &pairs, means: &means, looks, effective_looks };
-    let (phases, sigmas) = match plan.method {
-        Method::Direct => estimate.direct(),
-        Method::OneStep => estimate.one_step(),
-        // Linked phases have been returned above.
-        Method::Paper(_) | Method::Linked => estimate.least_squares(),
-    };
+    let (phases, sigmas) = phases_of_means(plan, &pairs, &means, looks, effective_looks);
     let rows = phases.into_iter().zip(sigmas).zip(&plan.times_s).enumerate();
     Ok(rows
         .map(|(frame, ((phase_rad, sigma_rad), &time_s))| CurveRow {
@@ -63,6 +59,23 @@ pub fn curve(
             quality: f64::NAN,
         })
         .collect())
+}
+
+/// Phases and standard deviations from the averages of the plan's pairs; linked phases need
+/// [`link_region`] instead.
+pub(crate) fn phases_of_means(
+    plan: &Plan,
+    pairs: &[(usize, usize)],
+    means: &[PairMean<f64>],
+    looks: f64,
+    effective_looks: f64,
+) -> (Vec<f64>, Vec<f64>) {
+    let estimate = Estimate { plan, pairs, means, looks, effective_looks };
+    match plan.method {
+        Method::Direct => estimate.direct(),
+        Method::OneStep => estimate.one_step(),
+        Method::Paper(_) | Method::Linked => estimate.least_squares(),
+    }
 }
 
 /// What the phase of a region does beyond that of another: phases are subtracted, variances

@@ -33,7 +33,8 @@ impl CurveRow {
 /// `F.sigma.npy`; or a `.zarr` group of `phase_rad`, `sigma_rad` and `time_s` with `attributes`.
 /// With `nm_per_rad`, the optical path length of one radian, table and group hold the same as
 /// `opl_nm` and `sigma_nm`, too; and where the method tells the frames' `quality`, all three do
-/// (`F.quality.npy`). The paths written are returned.
+/// (`F.quality.npy`). The group holds `coherence` between the frames, N x N, where there is one. The paths
+/// written are returned.
 ///
 /// # Errors
 /// When there are no rows, the extension of `path` is unknown, or the file cannot be written.
@@ -41,6 +42,7 @@ pub fn write_curve(
     path: &Path,
     rows: &[CurveRow],
     nm_per_rad: Option<f64>,
+    coherence: Option<&[f64]>,
     attributes: Attributes,
 ) -> Result<Vec<PathBuf>> {
     if rows.is_empty() {
@@ -49,7 +51,7 @@ pub fn write_curve(
     match Format::of(path)? {
         Format::Csv => write_csv(path, rows, nm_per_rad),
         Format::Npy => write_npy(path, rows),
-        Format::Zarr => write_zarr(path, rows, nm_per_rad, attributes),
+        Format::Zarr => write_zarr(path, rows, nm_per_rad, coherence, attributes),
     }
 }
 
@@ -97,9 +99,10 @@ fn write_zarr(
     path: &Path,
     rows: &[CurveRow],
     nm_per_rad: Option<f64>,
+    coherence: Option<&[f64]>,
     attributes: Attributes,
 ) -> Result<Vec<PathBuf>> {
-    let bytes = size_of_val(rows) as u64;
+    let bytes = (size_of_val(rows) + coherence.map_or(0, size_of_val)) as u64;
     let group = GroupWriter::create(path, attributes, bytes)?;
     let write = |name, values: Vec<f64>| group.write_whole(name, &["time"], &[rows.len()], &values);
     write("time_s", column(rows, |row| row.time_s))?;
@@ -111,6 +114,10 @@ fn write_zarr(
     }
     if tells_quality(rows) {
         write("quality", column(rows, |row| row.quality))?;
+    }
+    if let Some(coherence) = coherence {
+        let (axes, frames) = (["time", "other_time"], rows.len());
+        group.write_whole("coherence", &axes, &[frames, frames], coherence)?;
     }
     Ok(vec![group.finish()?])
 }

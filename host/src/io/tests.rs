@@ -277,7 +277,7 @@ fn damaged_zarr_stores_are_refused() {
 
     let path = folder.path().join("C.zarr");
     let row = CurveRow { phase_rad: 1.0, sigma_rad: 0.1, ..CurveRow::missing(0, 0.0) };
-    write_curve(&path, &[row, row], None, Attributes::new()).unwrap();
+    write_curve(&path, &[row, row], None, None, Attributes::new()).unwrap();
     assert!(message(open_series(&path), &path).contains("phase_rad, sigma_rad, time_s"));
 }
 
@@ -504,7 +504,8 @@ fn curves() {
         CurveRow { phase_rad: 0.1 + 0.2, sigma_rad: 1e-300, ..CurveRow::missing(0, 0.0) },
         CurveRow { sigma_rad: f64::INFINITY, ..CurveRow::missing(1, 0.25) },
     ];
-    let write = |name: &str| write_curve(&folder.path().join(name), &rows, None, Attributes::new());
+    let write =
+        |name: &str| write_curve(&folder.path().join(name), &rows, None, None, Attributes::new());
     let written = write("C.csv").unwrap();
     let text = fs::read_to_string(&written[0]).unwrap();
     assert_eq!(
@@ -519,7 +520,7 @@ fn curves() {
     let written = write("C.zarr").unwrap();
     assert_eq!(zarr::read_coordinate(&written[0].join("time_s")).unwrap(), [0.0, 0.25]);
     assert!(write("C.png").is_err());
-    assert!(write_curve(&folder.path().join("D.csv"), &[], None, Attributes::new()).is_err());
+    assert!(write_curve(&folder.path().join("D.csv"), &[], None, None, Attributes::new()).is_err());
 }
 
 #[test]

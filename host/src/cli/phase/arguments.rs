@@ -32,7 +32,7 @@ pub(in crate::cli) struct Arguments {
     #[arg(long, value_name = "SIGMA", allow_negative_numbers = true)]
     pub(super) gaussian: Option<f64>,
     /// How the phase is obtained from the cross-spectrum
-    #[arg(long, value_enum, default_value_t = MethodName::Paper)]
+    #[arg(long, value_enum, default_value_t = MethodName::Linked)]
     pub(super) method: MethodName,
     /// Weights of the pairs (method paper)
     #[arg(long, value_enum, default_value_t = WeightsName::Paper)]
@@ -61,7 +61,7 @@ pub(in crate::cli) struct Arguments {
     /// [default: the series' own, where it has one]
     #[arg(long, value_name = "NM", allow_negative_numbers = true)]
     pub(super) wavelength_nm: Option<f64>,
-    /// Write standard deviations of images too (curves always have them)
+    /// Write standard deviations of images too (curves and method linked always have them)
     #[arg(long)]
     pub(super) sigma: bool,
     /// Arithmetic of images (curves always use f64)
@@ -181,11 +181,16 @@ impl Arguments {
     fn validate_methods(&self) -> Result<()> {
         let paper = self.method == MethodName::Paper;
         if self.method == MethodName::Linked && self.ensemble != EnsembleName::Field {
-            return Err(Error::usage("--ensemble belongs to the other methods: leave it out"));
+            return Err(Error::usage(
+                "--ensemble belongs to the other methods: add --method paper, or leave it out",
+            ));
         }
-        if !paper && (self.max_lag.is_some() || self.weights != WeightsName::Paper || self.sigma) {
+        let sigma = self.sigma && self.method != MethodName::Linked;
+        if !paper && (self.max_lag.is_some() || self.weights != WeightsName::Paper || sigma) {
             let what = "--max-lag, --weights and --sigma";
-            return Err(Error::usage(format!("{what} belong to --method paper: leave them out")));
+            return Err(Error::usage(format!(
+                "{what} belong to --method paper: add it, or leave them out"
+            )));
         }
         let compares = self.method == MethodName::Direct || self.figure.is_some();
         if self.reference_frame.is_some() && !compares {

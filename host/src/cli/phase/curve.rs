@@ -63,7 +63,10 @@ impl Task<'_> {
         facts.insert("frames_bridged".to_owned(), json!(bridged));
         let rows = self.good.rows_of_all(&result.rows);
         let nm_per_rad = self.wavelength_nm.map(notes::nm_per_rad);
-        let mut files = write_curve(&self.arguments.output, &rows, nm_per_rad, facts.clone())?;
+        let coherence = result.linked.as_ref().map(|linked| self.good.matrix_of_all(&linked.gamma));
+        let output = &self.arguments.output;
+        let mut files =
+            write_curve(output, &rows, nm_per_rad, coherence.as_deref(), facts.clone())?;
         if let Some(figure) = figure {
             files.push(figure.finish(&self.draw(&rows, result, control))?);
         }

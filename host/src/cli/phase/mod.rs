@@ -57,16 +57,22 @@ fn plan(arguments: &Arguments, good: &ChosenFrames<'_>, depths: Depths) -> Resul
     Ok(plan)
 }
 
-/// Fewer than twelve looks cannot be told from random phases: the threshold is above any mean phasor.
+/// Too few looks cannot be told from random phases; with fewer than twelve the threshold of the paper's weights
+/// is above any mean phasor.
 fn check_looks(method: Method, looks: f64, region: &str) -> Result<()> {
-    let needed = -(1.0 - RANDOM_PROBABILITY).ln();
-    if !matches!(method, Method::Paper(_)) || looks > needed {
+    let needed = match method {
+        Method::Paper(_) => -(1.0 - RANDOM_PROBABILITY).ln(),
+        // With two looks even frames without any coherence have |gamma| = 0.7 on average.
+        Method::Linked => 2.0,
+        Method::Direct | Method::OneStep => 0.0,
+    };
+    if looks > needed {
         return Ok(());
     }
     Err(Error::usage(format!(
         "{region}: {looks:.1} looks cannot be told from random phases, {} are needed: average over \
          more pixels, or take --method one-step or --looks",
-        needed.ceil()
+        (needed + 0.5).ceil()
     )))
 }
 

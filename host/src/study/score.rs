@@ -1,0 +1,68 @@
+//! How good an estimator was.
+
+/// The errors of one trial.
+pub struct Scores {
+    /// Error of phi_{N-1} - phi_0, radians.
+    end: f64,
+    /// Sum of the squared standard scores of all frames but the first, and their number.
+    squares: f64,
+    frames: usize,
+}
+
+impl Scores {
+    /// Phases against the first frame, their standard deviations, and the truth.
+    #[must_use]
+    pub fn of(phases: &[f64], sigmas: &[f64], truth: &[f64]) -> Self {
+        let mut scores = Self { end: f64::NAN, squares: 0.0, frames: 0 };
+        for (i, (&phase, &sigma)) in phases.iter().zip(sigmas).enumerate().skip(1) {
+            let error = phase - (truth[i] - truth[0]);
+            if !error.is_finite() || !sigma.is_finite() {
+                continue;
+            }
+            scores.squares += (error / sigma).powi(2);
+            scores.frames += 1;
+            if i + 1 == truth.len() {
+                scores.end = error;
+            }
+        }
+        scores
+    }
+}
+
+/// All trials of an estimator.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Score {
+    /// Rms error of the end phase over the Cramer-Rao bound.
+    pub over_bound: f64,
+    /// Its standard error: over_bound / sqrt(2 trials).
+    pub standard_error: f64,
+    /// Standard deviation of the standard scores of all frames.
+    pub z: f64,
+    /// Trials without an end phase, which do not count.
+    pub lost: usize,
+}
+
+impl Score {
+    pub(super) fn new<'a>(trials: impl Iterator<Item = &'a Scores>, bound: f64) -> Self {
+        let (mut square, mut count, mut lost) = (0.0, 0, 0);
+        let (mut z, mut frames) = (0.0, 0);
+        for trial in trials {
+            z += trial.squares;
+            frames += trial.frames;
+            if trial.end.is_nan() {
+                lost += 1;
+            } else {
+                square += trial.end * trial.end;
+                count += 1;
+            }
+        }
+        let rms = (square / f64::from(count)).sqrt();
+        let over_bound = rms / bound;
+        Self {
+            over_bound,
+            standard_error: over_bound / (2.0 * f64::from(count)).sqrt(),
+            z: (z / frames as f64).sqrt(),
+            lost,
+        }
+    }
+}

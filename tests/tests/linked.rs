@@ -1,0 +1,273 @@
+//! Linked phases: images against the formulas written out, every lane path, what the program tells.
+
+use num_complex::{Complex, Complex32};
+use phasewalk::image::{Fit, ImageJob, Kernel, Tiles};
+use phasewalk::io::{Series, Shape};
+use phasewalk::lanes::Path;
+use phasewalk::looks::SpatialCoherence;
+use phasewalk::method::{Depths, Method, Plan};
+use phasewalk::progress::Progress;
+use phasewalk::series::{Survey, survey};
+use phasewalk_tests::oracle::gaussian_mean;
+use phasewalk_tests::program::Bench;
+use phasewalk_tests::recording::Recording;
+use phasewalk_tests::tolerance::{LINKED_SINGLE_RAD, SINGLE_STORED_RAD, STANDARD_SCORE};
+use std::f64::consts::TAU;
+use std::sync::Mutex;
+
+const SIGMA_PX: f64 = 2.5;
+
+/// A recording with what its linked images need.
+struct Scene {
+    recording: Recording,
+    plan: Plan,
+    survey: Survey,
+    tiles: Tiles,
+    looks: f64,
+}
+
+impl Scene {
+    fn new(recording: Recording, depths: Depths, path: Path) -> Self {
+        let series = recording.held();
+        let frames = recording.shape.frames;
+        let plan = Plan::new(Method::Linked, frames, None, None, depths).unwrap();
+        let survey = survey(&series, &plan.depths.all()).unwrap();
+        let coherence = SpatialCoherence::estimate(&series, &survey, &[0]).unwrap();
+        let kernel = kernel(recording.shape);
+        let looks = coherence.looks_of_kernel(&kernel);
+        let fit = Fit {
+            series: &series,
+            survey: &survey,
+            plan: &plan,
+            coherence: &coherence,
+            looks_of_layers: 1.0,
+            looks,
+            path,
+        };
+        let tiles = fit.tiles(&Progress::hidden()).unwrap();
+        Self { recording, plan, survey, tiles, looks }
+    }
+
+    /// Phases and standard deviations, (time, y, x).
+    fn images(&self, path: Path, double: bool, threads: usize) -> [Vec<f32>; 2] {
+        let series = self.recording.held();
+        let Shape { frames, height, width, .. } = series.shape();
+        let job = ImageJob {
+            tiles: Some(&self.tiles),
+            series: &series,
+            survey: &self.survey,
+            plan: &self.plan,
+            sigma_px: SIGMA_PX,
+            looks: self.looks,
+            effective_looks: self.looks,
+            sigma: true,
+            double,
+            path,
+            threads,
+            memory: 1 << 30,
+        };
+        let images = Mutex::new([(); 2].map(|()| vec![0.0; frames * height * width]));
+        job.run(&Progress::hidden(), &|strip| {
+            let mut images = images.lock().unwrap();
+            let results = [strip.phases, strip.sigmas.unwrap()];
+            for (image, part) in images.iter_mut().zip(results) {
+                let size = part.len() / frames;
+                for (frame, rows) in part.chunks_exact(size).enumerate() {
+                    let start = (frame * height + strip.first_row) * width;
+                    image[start..start + size].copy_from_slice(rows);
+                }
+            }
+            Ok(())
+        })
+        .unwrap();
+        images.into_inner().unwrap()
+    }
+}
+
+fn kernel(shape: Shape) -> Kernel {
+    Kernel::new(SIGMA_PX, shape.height, shape.width, true).unwrap()
+}
+
+/// Odd sizes, a phase that grows to several turns on the right.
+fn moving(seed: u64) -> Recording {
+    let shape = Shape { frames: 14, depth: 1, height: 37, width: 53 };
+    Recording::moving(shape, 0.93, seed)
+}
+
+fn wrapped(phase: f64) -> f64 {
+    phase - TAU * (phase / TAU).round()
+}
+
+/// The largest difference of two images, up to whole turns, in radians.
+fn largest_difference(a: &[f32], b: &[f32]) -> f64 {
+    let pairs = a.iter().zip(b);
+    pairs.map(|(&a, &b)| wrapped(f64::from(a) - f64::from(b)).abs()).fold(0.0, f64::max)
+}
+
+/// Start, score and one step of one pixel, from sums written out in `f64`.
+fn by_hand(gamma: impl Fn(usize, usize) -> Complex<f64>, q: &[f32], inverse: &[f32]) -> Vec<f64> {
+    let n = q.len().isqrt();
+    let mut z = vec![Complex::new(1.0, 0.0)];
+    for i in 1..n {
+        let weight = |j: usize| f64::from(-q[i * n + j]).max(0.0);
+        let sum: Complex<f64> =
+            (i.saturating_sub(16)..i).map(|j| gamma(i, j) * z[j] * weight(j)).sum();
+        z.push(sum / sum.norm());
+    }
+    let score = |i: usize| -> f64 {
+        let residual = |j: usize| (z[i].conj() * gamma(i, j) * z[j]).im;
+        -(0..n).filter(|&j| j != i).map(|j| f64::from(q[i * n + j]) * residual(j)).sum::<f64>()
+    };
+    let g: Vec<f64> = (0..n).map(score).collect();
+    let step = |i: usize| (0..n).map(|j| f64::from(inverse[i * n + j]) * g[j]).sum::<f64>();
+    let phases: Vec<f64> = (0..n).map(|i| z[i].arg() + step(i)).collect();
+    let mean = phases[0] + (1..5).map(|i| wrapped(phases[i] - phases[0])).sum::<f64>() / 5.0;
+    phases.iter().map(|phase| phase - mean).collect()
+}
+
+#[test]
+fn images_are_the_formulas_written_out() {
+    let scene = Scene::new(moving(1), Depths::single(), Path::Portable);
+    let [phases, _] = scene.images(Path::Portable, true, 1);
+    let pixels = scene.recording.pixels();
+    let means = gaussian_mean(&scene.recording.layer(0), SIGMA_PX);
+    let width = scene.recording.shape.width;
+    for pixel in (0..pixels).step_by(7) {
+        let pairs = &means[pixel];
+        let cross = |t: usize, s: usize| pairs.mean[pairs.index(t, s - t).unwrap()];
+        let gamma = |i: usize, j: usize| {
+            let c = if i < j { cross(i, j) } else { cross(j, i).conj() };
+            c / (pairs.power[i] * pairs.power[j]).sqrt()
+        };
+        let tile = scene.tiles.at(pixel / width, pixel % width);
+        let expected = by_hand(gamma, &tile.precision, &tile.inverse);
+        for (frame, expected) in expected.iter().enumerate() {
+            let got = f64::from(phases[frame * pixels + pixel]);
+            let error = wrapped(got - expected).abs();
+            assert!(
+                error < SINGLE_STORED_RAD,
+                "pixel {pixel}, frame {frame}: {got} for {expected}"
+            );
+        }
+    }
+}
+
+#[test]
+fn paths_and_threads_agree() {
+    for (seed, depths) in [(2, "0..0"), (3, "0..1,2..3")] {
+        let shape = Shape { frames: 14, depth: 4, height: 37, width: 53 };
+        let recording = Recording::moving(shape, 0.93, seed);
+        let depths: Depths = depths.parse().unwrap();
+        let scene = Scene::new(recording, depths, Path::Portable);
+        let [exact, sigmas] = scene.images(Path::Portable, true, 1);
+        assert!(sigmas.iter().all(|&sigma| sigma > 0.0 && sigma < 1.0));
+        for path in Path::available() {
+            let [single, same] = scene.images(path, false, 1);
+            assert_eq!(same, sigmas, "{path:?}");
+            let error = largest_difference(&single, &exact);
+            assert!(error < LINKED_SINGLE_RAD, "{path:?}: {error:e}");
+            assert_eq!(scene.images(path, false, 3)[0], single, "{path:?}, three threads");
+        }
+    }
+}
+
+/// Left half coherence 0.93 from frame to frame, right half 0.75: each tile finds its own, on every path.
+#[test]
+fn each_tile_has_its_own_coherence() {
+    let shape = Shape { frames: 20, depth: 1, height: 64, width: 128 };
+    let still = |_: usize, _: [usize; 3]| 0.0;
+    let slow = Recording::decorrelating(shape, 0.93, 5, still);
+    let fast = Recording::decorrelating(shape, 0.75, 6, still);
+    let right = |i: usize| i % shape.width >= shape.width / 2;
+    let mixed = slow.field.iter().zip(&fast.field).enumerate();
+    let field = mixed.map(|(i, (&s, &f))| if right(i) { f } else { s }).collect();
+    let recording = Recording { shape, field };
+    for path in Path::available() {
+        let scene = Scene::new(recording.clone(), Depths::single(), path);
+        for (x, rho) in [(8, 0.93), (32, 0.93), (96, 0.75), (120, 0.75)] {
+            let mixture = &scene.tiles.at(30, x).mixture;
+            for lag in [1.0, 2.0, 5.0] {
+                let (got, expected) = (mixture.at(lag), f64::powf(rho, lag));
+                assert!((got - expected).abs() < 0.05, "{path:?} x {x} lag {lag}: {got}");
+            }
+        }
+    }
+}
+
+/// The file `name` of the table's columns: frame, time, phase, sigma, quality.
+fn rows(bench: &Bench, name: &str) -> Vec<Vec<f64>> {
+    let (head, rows) = bench.table(name);
+    assert_eq!(head, "frame,time_s,phase_rad,sigma_rad,quality");
+    rows
+}
+
+#[test]
+fn a_curve_tells_bad_frames_and_its_error() {
+    const BAD: usize = 9;
+    let bench = Bench::new();
+    let shape = Shape { frames: 24, depth: 1, height: 40, width: 40 };
+    let truth = |t: usize| 0.4 * t as f64;
+    let mut recording = Recording::decorrelating(shape, 0.9, 7, |t, _| truth(t));
+    let other = Recording::random(shape, 8);
+    let bad = other.field[BAD * 1600..(BAD + 1) * 1600].to_vec();
+    recording.image_mut(BAD, 0).copy_from_slice(&bad);
+    recording.save(&bench.path("F.npy"));
+    phasewalk_tests::npy::save_mask(&bench.path("M.npy"), &[40, 40], &[true; 1600]);
+    let summary = bench.summary("phase F.npy --mask M.npy -o C.csv");
+    assert_eq!(summary["method"], "linked");
+    let model = &summary["coherence_model"];
+    assert!(model["noise"].as_f64().unwrap() < 0.05, "{model}");
+    assert_eq!(model["periodic"], false);
+    for row in rows(&bench, "C.csv") {
+        let [frame, _, phase, sigma, quality] = row[..] else { panic!("five columns") };
+        let frame = frame as usize;
+        if frame == BAD {
+            assert!(phase.is_nan() && sigma == f64::INFINITY && quality < 0.3, "{row:?}");
+            continue;
+        }
+        let error = phase - (truth(frame) - truth(2));
+        assert!(quality > 0.9 && error.abs() < STANDARD_SCORE * sigma, "{row:?}: {error}");
+        assert!(sigma < 0.1, "{row:?}");
+    }
+    let _ = bench.succeed("phase F.npy --mask M.npy -o C.zarr");
+    assert!(bench.path("C.zarr/quality").is_dir() && bench.path("C.zarr/coherence").is_dir());
+    let _ = bench.succeed("phase F.npy --mask M.npy -o C.npy");
+    assert!(bench.path("C.quality.npy").is_file());
+    let _ = bench.succeed("phase F.npy --gaussian 3 -o P.npy");
+    let (shape, sigmas) = phasewalk_tests::npy::load_f64(&bench.path("P.sigma.npy"));
+    assert_eq!(shape, [24, 40, 40]);
+    assert!(sigmas[BAD * 1600..(BAD + 1) * 1600].iter().all(|&sigma| sigma == f64::INFINITY));
+}
+
+#[test]
+fn what_cannot_be_linked_is_refused_or_has_no_number() {
+    let bench = Bench::new();
+    let shape = Shape { frames: 12, depth: 1, height: 24, width: 24 };
+    let mask = |pixels: usize| -> Vec<bool> { (0..576).map(|i| i < pixels).collect() };
+    for (name, pixels) in [("one.npy", 1), ("all.npy", 576)] {
+        phasewalk_tests::npy::save_mask(&bench.path(name), &[24, 24], &mask(pixels));
+    }
+    Recording::random(shape, 9).save(&bench.path("R.npy"));
+    bench.run("phase R.npy --mask one.npy -o C.csv").refused(2, &["looks", "more pixels"]);
+    let _ = bench.succeed("phase R.npy --mask all.npy -o C.csv");
+    for row in rows(&bench, "C.csv") {
+        assert!(row[2].is_nan() && row[3] == f64::INFINITY, "{row:?}");
+    }
+    bench.run("phase R.npy --gaussian 0.3 -o P.npy").refused(2, &["looks", "--gaussian"]);
+    for option in ["--max-lag 3", "--weights fisher"] {
+        let line = format!("phase R.npy --mask all.npy {option} -o C.csv");
+        bench.run(&line).refused(2, &["--method paper"]);
+    }
+    let line = "phase R.npy --mask all.npy --ensemble phasor -o C.csv";
+    bench.run(line).refused(2, &["--ensemble", "--method paper"]);
+    // Two frames are the fewest: one difference.
+    let two = Shape { frames: 2, ..shape };
+    let pair = Recording::decorrelating(two, 0.9, 3, |t, _| 0.7 * t as f64);
+    pair.save(&bench.path("T.npy"));
+    let _ = bench.succeed("phase T.npy --mask all.npy -o C.csv");
+    let table = rows(&bench, "C.csv");
+    assert!((table[1][2] - table[0][2] - 0.7).abs() < 0.2, "{table:?}");
+    let dark = Recording { shape, field: vec![Complex32::new(0.0, 0.0); 12 * 576] };
+    dark.save(&bench.path("D.npy"));
+    bench.run("phase D.npy --mask all.npy -o C.csv").refused(1, &["zero"]);
+}
