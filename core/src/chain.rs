@@ -4,7 +4,7 @@ use crate::quality::{SOUND, USABLE};
 use crate::scalar::{Real, Scalar};
 
 /// Intervals up to this factor above the shortest count as short.
-const SHORT: f64 = 1.001;
+pub(crate) const SHORT: f64 = 1.001;
 
 /// Short intervals whose velocities predict a gap.
 const NEAREST: usize = 6;

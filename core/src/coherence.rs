@@ -156,6 +156,18 @@ impl<T: Real, const K: usize> Normal<T, K> {
         Self { matrix: [[T::zero(); K]; K], right: [T::zero(); K] }
     }
 
+    /// No pairs, and each share is held towards 0 as if by a coherence 0 that counts `strength` times.
+    #[must_use]
+    pub fn held(strength: T) -> Self {
+        let mut normal = Self::new();
+        for (k, row) in normal.matrix.iter_mut().enumerate() {
+            if let Some(place) = row.get_mut(k) {
+                *place = strength;
+            }
+        }
+        normal
+    }
+
     /// A coherence `mean` at the lag with these decays counts `weight` times.
     pub fn add(&mut self, decays: &[T; K], mean: T, weight: T) {
         for ((row, right), &e) in self.matrix.iter_mut().zip(&mut self.right).zip(decays) {

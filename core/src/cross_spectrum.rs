@@ -88,7 +88,7 @@ impl<T: Scalar, const PIXELS: usize, const LAGS: usize> Default
 }
 
 /// The field, or 0 where a part of it is NaN or infinite.
-fn dark_if_not_finite<T: Scalar>(u: Complex<T>) -> Complex<T> {
+pub(crate) fn dark_if_not_finite<T: Scalar>(u: Complex<T>) -> Complex<T> {
     let finite = is_number(u.re.abs() + u.im.abs());
     let keep = |x: T| T::select(finite, x, T::zero());
     Complex { re: keep(u.re), im: keep(u.im) }

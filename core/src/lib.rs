@@ -23,6 +23,9 @@
 //! by frame in fixed memory, [`online`] the one walk that the trigger board and the host share; [`baseline`] holds what the method is compared with (lines 410, 421,
 //! 975-984), [`params`] every number the paper gives.
 //!
+//! [`tracker`] is the other frame-by-frame estimator: maximum likelihood with a fitted coherence, as [`linking`] is for a
+//! series.
+//!
 //! **Sign.** C(t,dt) = U(t) conj U(t+dt), so arg C = phi(t) - phi(t+dt). With U = |U| exp(i phi) and
 //! phi = 2 k n z in reflection, a phase that grows is a path that grows.
 //!
@@ -33,6 +36,9 @@
 //! and loops end for NaN and infinity too.
 #![no_std]
 #![forbid(unsafe_code)]
+
+#[cfg(test)]
+extern crate std;
 
 pub mod baseline;
 pub mod batch;
@@ -57,6 +63,7 @@ pub mod scalar;
 pub mod solver;
 pub mod square;
 pub mod storage;
+pub mod tracker;
 pub mod unwrap;
 pub mod variance;
 pub mod walk;

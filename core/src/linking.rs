@@ -68,6 +68,14 @@ pub fn residual<T: Scalar>(z_i: Complex<T>, gamma: Complex<T>, z_j: Complex<T>) 
     turned.im.mul_add(z_i.re, -(turned.re * z_i.im))
 }
 
+/// Re(conj(z_i) gamma_ij z_j): the coherence of a pair, aligned with the present phases.
+#[inline(always)]
+#[must_use]
+pub fn aligned<T: Scalar>(z_i: Complex<T>, gamma: Complex<T>, z_j: Complex<T>) -> T {
+    let turned = turn(gamma, z_j);
+    turned.re.mul_add(z_i.re, turned.im * z_i.im)
+}
+
 /// a * b.
 #[inline(always)]
 #[must_use]
@@ -109,7 +117,7 @@ pub struct Buffers<'a, T> {
     pub phasors: &'a mut [Complex<T>],
     /// At least N (N - 1) / 2.
     pub lags: &'a mut [Lag<T>],
-    /// At least [`Lags::indices`].
+    /// At least [`crate::lags::Lags::indices`].
     pub indices: &'a mut [u32],
 }
 
@@ -333,8 +341,7 @@ impl<T: Real> Link<'_, '_, T> {
         let zero = Complex { re: T::zero(), im: T::zero() };
         let z = |i: usize| phasors.get(i).copied().unwrap_or(zero);
         aligned.fill_with(|i, j| {
-            let turned = turn(gamma.get(i * n + j).copied().unwrap_or(zero), z(j));
-            turned.re.mul_add(z(i).re, turned.im * z(i).im)
+            self::aligned(z(i), gamma.get(i * n + j).copied().unwrap_or(zero), z(j))
         });
     }
 

@@ -73,6 +73,35 @@ impl<T: Copy, const ROWS: usize, const LAGS: usize> Matrix<T, ROWS, LAGS> {
     pub(crate) fn row_mut(&mut self, row: usize) -> Option<&mut [T; LAGS]> {
         self.0.get_mut(row)
     }
+
+    /// Element (row, column), if there is one.
+    #[inline]
+    pub(crate) fn at(&self, row: usize, column: usize) -> Option<T> {
+        self.row(row).and_then(|row| row.get(column)).copied()
+    }
+
+    /// Write element (row, column), if there is one.
+    #[inline]
+    pub(crate) fn set(&mut self, row: usize, column: usize, value: T) {
+        if let Some(place) = self.row_mut(row).and_then(|row| row.get_mut(column)) {
+            *place = value;
+        }
+    }
+
+    /// Delete row k and column k; what follows moves up, and the end is filled with `empty`.
+    pub(crate) fn remove(&mut self, k: usize, empty: T) {
+        shift_out(&mut self.0, k, [empty; LAGS]);
+        for row in &mut self.0 {
+            shift_out(row, k, empty);
+        }
+    }
+}
+
+/// Delete element k: each element behind it moves up, and `last` becomes the last one.
+fn shift_out<T>(line: &mut [T], k: usize, mut last: T) {
+    for place in line.iter_mut().skip(k).rev() {
+        core::mem::swap(place, &mut last);
+    }
 }
 
 impl<T, const ROWS: usize, const LAGS: usize> AsRef<[T]> for Matrix<T, ROWS, LAGS> {
