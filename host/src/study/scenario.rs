@@ -117,7 +117,7 @@ pub fn scenarios() -> Vec<Scenario> {
         move |i: usize, j: usize| f64::from(!frames.contains(&i) && !frames.contains(&j))
     };
     let (three, two) = (without(&[11, 30, 52]), without(&[30, 31]));
-    let period = |i, j| (std::f64::consts::TAU * lag(i, j) / 20.0).cos();
+    let period = |i, j| 0.5 + 0.5 * (std::f64::consts::TAU * lag(i, j) / 20.0).cos();
     let mut all = vec![
         series("λ/32", &slow),
         series("λ/16", &fast),
