@@ -20,6 +20,7 @@ pub mod lanes;
 pub mod looks;
 pub mod method;
 pub mod notes;
+pub mod paper;
 pub mod progress;
 pub mod reconstruct;
 pub mod report;

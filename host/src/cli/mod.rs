@@ -1,7 +1,9 @@
 //! The command line: parse, validate, run. One file per sub-command, one way out for errors.
 
 mod demo;
+mod folder;
 mod info;
+mod paper;
 mod phase;
 mod reconstruct;
 mod simulate;
@@ -55,6 +57,8 @@ enum Command {
     Reconstruct(reconstruct::Arguments),
     /// Phase of a series: a curve over a mask, or images by a Gaussian average
     Phase(phase::Arguments),
+    /// Every figure and number of the paper that can be computed; may be interrupted and resumed
+    Paper(paper::Arguments),
     /// What a file holds
     Info(info::Arguments),
     /// The trigger board: check, preview, run and record
@@ -108,6 +112,7 @@ fn run(arguments: &Arguments) -> Result<()> {
         Command::Simulate(scene) => simulate::run(scene, common),
         Command::Reconstruct(arguments) => reconstruct::run(arguments, common),
         Command::Phase(arguments) => phase::run(arguments, common),
+        Command::Paper(arguments) => paper::run(arguments, common),
         Command::Info(arguments) => info::run(arguments, common),
         Command::Trigger(command) => trigger::run(command, common),
     })

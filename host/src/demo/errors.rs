@@ -5,8 +5,9 @@
 //! have an rms error of π/√3 = 1.81 rad. A walk knows more, so its images are also compared as they
 //! are, which counts every wrong turn.
 
+use super::evaluation::PhaseCurve;
 use super::recording::Recording;
-use super::scene::{PhaseCurve, SceneResult};
+use super::scene::SceneResult;
 use crate::error::{Error, Result};
 use crate::method::Method;
 use crate::report::Table;

@@ -1,7 +1,8 @@
 //! The pictures of evaluated scenes: the paper's Figures 2 and 3, and the method in one picture.
 
 use super::errors::wrapped;
-use super::scene::{PhaseCurve, SceneResult, Snapshot};
+use super::evaluation::PhaseCurve;
+use super::scene::{SceneResult, Snapshot};
 use super::setup::Setup;
 use crate::figures::{
     Canvas, Curve, CurveColumn, Curves, Method, PhaseColumn, PhaseImages, ScaleBar, SpeckleImage,
@@ -45,7 +46,8 @@ pub fn phase_images(setup: &Setup, scenes: &[SceneResult]) -> Canvas {
 /// frames as independent, and those that share frames are not.
 #[must_use]
 pub fn curves(scenes: &[SceneResult]) -> Canvas {
-    Curves { columns: scenes.iter().map(curve_column).collect(), direct_range: None }.draw()
+    let columns = scenes.iter().map(curve_column).collect();
+    Curves { columns, direct_range: None, apart: false }.draw()
 }
 
 /// The method in one picture, from the cross-spectrum of one scene whose phase stays below π.
@@ -71,6 +73,7 @@ fn curve_column(scene: &SceneResult) -> CurveColumn<'_> {
         direct: with_band(&scene.curves.direct),
         one_step: Some(with_band(&scene.curves.one_step)),
         extended: Curve { values: &scene.curves.extended.phase_rad, deviation: None },
+        linked: None,
         autocorrelation: Some(Curve { values: &scene.autocorrelation, deviation: None }),
     }
 }
@@ -95,13 +98,13 @@ fn changed(scene: &SceneResult) -> impl Iterator<Item = (String, &Snapshot)> {
 
 /// Length of the scale bar, wavelengths: a fifth of the image, rounded; 500 as in the paper for its
 /// images.
-fn bar_wavelengths(setup: &Setup) -> f64 {
+pub(crate) fn bar_wavelengths(setup: &Setup) -> f64 {
     let across = setup.scene.width as f64 * setup.scene.pitch_wavelengths;
     50.0 * (across / 250.0).round().max(1.0)
 }
 
 /// Number of frames after which the coherence has fallen to [`STEP_COHERENCE`]; at least 1.
-fn coherent_lag(autocorrelation: &[f64]) -> usize {
+pub(crate) fn coherent_lag(autocorrelation: &[f64]) -> usize {
     let lost = autocorrelation.iter().position(|&coherence| coherence < STEP_COHERENCE);
     lost.unwrap_or(autocorrelation.len()).saturating_sub(1).max(1)
 }

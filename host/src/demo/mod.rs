@@ -2,15 +2,16 @@
 //! and a measured disk whose phase follows a known law.
 //!
 //! ```text
-//! setup ─> recording ─> scene ─┬─> errors ──┬─> terminal, errors.csv
-//!          (simulate)   (curves, │            ├─> page ─> report.html
-//!                        images) └─> figures ─┘
+//! setup ─> recording ─> evaluation ─> scene ─┬─> errors ──┬─> terminal, errors.csv
+//!          (simulate)   (curves, images)      │            ├─> page ─> report.html
+//!                                             └─> figures ─┘
 //! plane ─> rotating_disk
 //! ```
 //! `setup` holds every number, so the same path draws a small scene in seconds and the paper's
 //! scene at full size. Results depend on the setup only, not on the number of threads.
 
 pub mod errors;
+pub mod evaluation;
 pub mod figures;
 pub mod page;
 pub mod plane;
@@ -20,6 +21,7 @@ pub mod scene;
 pub mod setup;
 
 pub use errors::{ErrorRow, error_rows};
+pub use evaluation::{Evaluation, PhaseCurve, Spectra};
 pub use recording::Recording;
 pub use scene::{ByMethod, SceneResult};
 pub use setup::Setup;

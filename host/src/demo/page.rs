@@ -72,7 +72,7 @@ pub fn html(
     let page = Page {
         title: TITLE,
         explanation: &explanation,
-        table: table(rows, setup.scene.frames),
+        tables: vec![table(rows, setup.scene.frames)],
         scenes: scenes.iter().zip(&captions).map(|(s, caption)| scene(s, caption)).collect(),
         figures: vec![
             still(&figures.method, &about_method),

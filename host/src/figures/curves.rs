@@ -30,6 +30,8 @@ pub struct CurveColumn<'a> {
     pub one_step: Option<Curve<'a>>,
     /// Extended Knox-Thompson.
     pub extended: Curve<'a>,
+    /// Linked phases.
+    pub linked: Option<Curve<'a>>,
     /// Amplitude of the autocorrelation by lag, 1 at lag 0.
     pub autocorrelation: Option<Curve<'a>>,
 }
@@ -41,6 +43,57 @@ pub struct Curves<'a> {
     pub columns: Vec<CurveColumn<'a>>,
     /// Range of the row of direct differences; by the data when absent.
     pub direct_range: Option<(f64, f64)>,
+    /// A row for each walk, so that their bands do not hide each other, instead of one for all.
+    pub apart: bool,
+}
+
+/// How a phase was obtained.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Line {
+    Direct,
+    OneStep,
+    Extended,
+    Linked,
+}
+
+impl Line {
+    /// In the order they are drawn.
+    const WALKS: [Self; 3] = [Self::OneStep, Self::Extended, Self::Linked];
+
+    fn of<'a>(self, column: &CurveColumn<'a>) -> Option<Curve<'a>> {
+        match self {
+            Self::Direct => Some(column.direct),
+            Self::OneStep => column.one_step,
+            Self::Extended => Some(column.extended),
+            Self::Linked => column.linked,
+        }
+    }
+
+    fn look(self) -> (&'static str, Rgb) {
+        match self {
+            Self::Direct => (style::DIRECT_NAME, style::DIRECT),
+            Self::OneStep => (style::ONE_STEP_NAME, style::ONE_STEP),
+            Self::Extended => (style::EXTENDED_NAME, style::EXTENDED),
+            Self::Linked => (style::LINKED_NAME, style::LINKED),
+        }
+    }
+
+    /// Title of the vertical axis of a row of its own.
+    fn axis(self) -> &'static str {
+        match self {
+            Self::Direct => "direct phase / rad",
+            Self::OneStep => "one-step phase / rad",
+            Self::Extended => "extended phase / rad",
+            Self::Linked => "linked phase / rad",
+        }
+    }
+}
+
+/// A row of panels with phases.
+struct Row {
+    lines: Vec<Line>,
+    axis: &'static str,
+    span: Span,
 }
 
 const LEFT: f64 = 86.0;
@@ -58,58 +111,82 @@ impl Curves<'_> {
     /// Draws the figure.
     #[must_use]
     pub fn draw(&self) -> Canvas {
-        let rows = if self.has_autocorrelation() { 3 } else { 2 };
+        let rows = self.rows();
+        let count = rows.len() + usize::from(self.has_autocorrelation());
         let across = self.columns.len().max(1) as f64;
-        let key = self.key();
         let width = across * (self.panel_width() + GAP_X) - GAP_X;
-        let height = TOP + f64::from(rows) * (HEIGHT + GAP_Y);
+        let height = TOP + count as f64 * (HEIGHT + GAP_Y);
         let title = "Phase curves by direct difference and by Knox-Thompson, and autocorrelation";
         let mut canvas = Canvas::new(LEFT + width + RIGHT, height, title);
         for (n, column) in self.columns.iter().enumerate() {
-            self.draw_direct(&mut canvas, n, column);
-            self.draw_walked(&mut canvas, n, column);
-            self.draw_autocorrelation(&mut canvas, n, column);
+            for (place, row) in rows.iter().enumerate() {
+                self.draw_phases(&mut canvas, (place, n), row, column);
+            }
+            let heading = TextStyle::new(style::HEADING, Anchor::Middle);
+            let area = self.panel(0, n);
+            canvas.text((area.center().0, area.y - 9.0), column.label, heading);
+            self.draw_autocorrelation(&mut canvas, (rows.len(), n), column);
         }
-        keys::line_key(&mut canvas, (LEFT, 20.0), &key);
+        keys::line_key(&mut canvas, (LEFT, 20.0), &self.key());
         canvas
     }
 
-    fn draw_direct(&self, canvas: &mut Canvas, n: usize, column: &CurveColumn<'_>) {
-        let axes = Axes::new(self.panel(0, n), self.frames(), self.direct_span());
-        let text = TextStyle::new(style::HEADING, Anchor::Middle);
-        canvas.text((axes.area.center().0, axes.area.y - 9.0), column.label, text);
-        band(canvas, &axes, &column.direct, style::DIRECT);
-        line(canvas, &axes, column.direct.values, Stroke::solid(style::DIRECT, 1.8));
-        line(canvas, &axes, column.truth, TRUTH);
-        self.finish(canvas, &axes, (0, n), ["frame", "direct phase / rad"]);
+    /// The rows of phases, from the top.
+    fn rows(&self) -> Vec<Row> {
+        let walks = Line::WALKS.into_iter().filter(|&line| self.has(line));
+        let direct = Line::Direct;
+        let mut rows =
+            vec![Row { lines: vec![direct], axis: direct.axis(), span: self.direct_span() }];
+        let span = self.walked_span();
+        if self.apart {
+            rows.extend(walks.map(|line| Row { lines: vec![line], axis: line.axis(), span }));
+        } else {
+            rows.push(Row { lines: walks.collect(), axis: "walked phase / rad", span });
+        }
+        rows
     }
 
-    fn draw_walked(&self, canvas: &mut Canvas, n: usize, column: &CurveColumn<'_>) {
-        let axes = Axes::new(self.panel(1, n), self.frames(), self.walked_span());
-        if let Some(one_step) = &column.one_step {
-            band(canvas, &axes, one_step, style::ONE_STEP);
-        }
-        band(canvas, &axes, &column.extended, style::EXTENDED);
-        if let Some(one_step) = &column.one_step {
-            line(canvas, &axes, one_step.values, Stroke::solid(style::ONE_STEP, 1.8));
-        }
-        line(canvas, &axes, column.extended.values, Stroke::solid(style::EXTENDED, 1.8));
-        line(canvas, &axes, column.truth, TRUTH);
-        self.finish(canvas, &axes, (1, n), ["frame", "walked phase / rad"]);
+    fn has(&self, line: Line) -> bool {
+        self.columns.iter().any(|column| line.of(column).is_some())
     }
 
-    fn draw_autocorrelation(&self, canvas: &mut Canvas, n: usize, column: &CurveColumn<'_>) {
+    fn draw_phases(
+        &self,
+        canvas: &mut Canvas,
+        place: (usize, usize),
+        row: &Row,
+        column: &CurveColumn<'_>,
+    ) {
+        let axes = Axes::new(self.panel(place.0, place.1), self.frames(), row.span);
+        let curves = row.lines.iter().filter_map(|line| Some((line.of(column)?, line.look().1)));
+        let curves: Vec<_> = curves.collect();
+        for (curve, color) in &curves {
+            band(canvas, &axes, curve, *color);
+        }
+        for (curve, color) in &curves {
+            line(canvas, &axes, curve.values, Stroke::solid(*color, 1.8));
+        }
+        line(canvas, &axes, column.truth, TRUTH);
+        self.finish(canvas, &axes, place, ["frame", row.axis]);
+    }
+
+    fn draw_autocorrelation(
+        &self,
+        canvas: &mut Canvas,
+        (row, n): (usize, usize),
+        column: &CurveColumn<'_>,
+    ) {
         let Some(curve) = &column.autocorrelation else {
             return;
         };
-        let axes = Axes::new(self.panel(2, n), self.frames(), Span::new(0.0, 1.05));
+        let axes = Axes::new(self.panel(row, n), self.frames(), Span::new(0.0, 1.05));
         band(canvas, &axes, curve, style::INK);
         axes.level(canvas, 0.5, Stroke::dashed(style::FAINT, 1.0));
         line(canvas, &axes, curve.values, Stroke::solid(style::INK, 1.8));
         self.mark_half(canvas, &axes, curve.values);
         let first = self.columns.iter().position(|c| c.autocorrelation.is_some());
         let names = ["lag Δt / frames", "autocorrelation"];
-        self.finish(canvas, &axes, (2, n - first.unwrap_or(0).min(n)), names);
+        self.finish(canvas, &axes, (row, n - first.unwrap_or(0).min(n)), names);
     }
 
     /// Says at which lag the autocorrelation has fallen to one half.
@@ -147,16 +224,12 @@ impl Curves<'_> {
 
     /// What the lines are.
     fn key(&self) -> Vec<(&'static str, Stroke)> {
-        let mut entries = vec![
-            ("truth", TRUTH),
-            (style::DIRECT_NAME, Stroke::solid(style::DIRECT, 2.0)),
-            (style::ONE_STEP_NAME, Stroke::solid(style::ONE_STEP, 2.0)),
-            (style::EXTENDED_NAME, Stroke::solid(style::EXTENDED, 2.0)),
-        ];
-        if self.columns.iter().all(|column| column.one_step.is_none()) {
-            entries.remove(2);
-        }
-        entries
+        let lines = [Line::Direct].into_iter().chain(Line::WALKS).filter(|&line| self.has(line));
+        let entry = |line: Line| {
+            let (name, color) = line.look();
+            (name, Stroke::solid(color, 2.0))
+        };
+        std::iter::once(("truth", TRUTH)).chain(lines.map(entry)).collect()
     }
 
     fn has_autocorrelation(&self) -> bool {
@@ -182,10 +255,11 @@ impl Curves<'_> {
         }
     }
 
-    /// One range for all walked curves: made to hold truth and extended with their bands.
+    /// One range for all walked curves: made to hold truth, and extended and linked with their bands.
     fn walked_span(&self) -> Span {
         let all = self.columns.iter().flat_map(|c| {
-            [c.extended, plain(c.truth), plain(c.one_step.unwrap_or_default().values)]
+            let one_step = plain(c.one_step.unwrap_or_default().values);
+            [c.extended, c.linked.unwrap_or_default(), plain(c.truth), one_step]
         });
         Span::of(all.flat_map(|curve| reach(&curve))).padded(0.06)
     }
@@ -221,8 +295,9 @@ fn line(canvas: &mut Canvas, axes: &Axes, values: &[f64], stroke: Stroke) {
     axes.curve(canvas, points, stroke);
 }
 
-/// Lag at which the autocorrelation first falls to one half, between the frames.
-fn half_lag(values: &[f64]) -> Option<f64> {
+/// Lag at which the autocorrelation first falls to one half, between the frames; none if it never does.
+#[must_use]
+pub fn half_lag(values: &[f64]) -> Option<f64> {
     let n = values.windows(2).position(|pair| pair[0] > 0.5 && pair[1] <= 0.5)?;
     Some(n as f64 + (values[n] - 0.5) / (values[n] - values[n + 1]))
 }
@@ -245,9 +320,11 @@ mod tests {
                 direct: curve(&broken),
                 one_step: None,
                 extended: curve(&phase),
+                linked: None,
                 autocorrelation: Some(plain(&decay)),
             }],
             direct_range: Some((-4.0, 4.0)),
+            apart: false,
         };
         let svg = figure.draw().svg().unwrap();
         for text in ["σ = λ/32", "frame", "phase / rad", "½ at 6.9", ">c<"] {
@@ -255,6 +332,28 @@ mod tests {
         }
         assert!(!svg.contains("one-step"));
         assert!(figure.draw().png().is_ok());
+    }
+
+    #[test]
+    fn walks_apart_have_a_row_each() {
+        let phase = [0.0, 1.0, 2.0];
+        let column = CurveColumn {
+            label: "σ = 0",
+            truth: &phase,
+            direct: plain(&phase),
+            one_step: Some(plain(&phase)),
+            extended: plain(&phase),
+            linked: Some(plain(&phase)),
+            autocorrelation: None,
+        };
+        let mut figure = Curves { columns: vec![column], direct_range: None, apart: true };
+        let apart = figure.draw();
+        let svg = apart.svg().unwrap();
+        for text in ["one-step phase / rad", "linked phase / rad", "linked phases", ">d<"] {
+            assert!(svg.contains(text), "{text}");
+        }
+        figure.apart = false;
+        assert!(figure.draw().size().1 < apart.size().1 - 2.0 * HEIGHT);
     }
 
     #[test]
@@ -266,9 +365,11 @@ mod tests {
             direct: plain(values),
             one_step: Some(Curve::default()),
             extended: plain(values),
+            linked: None,
             autocorrelation: Some(plain(values)),
         };
-        let figure = Curves { columns: vec![column(&nan), column(&[])], direct_range: None };
+        let columns = vec![column(&nan), column(&[])];
+        let figure = Curves { columns, direct_range: None, apart: false };
         assert!(figure.draw().png().is_ok());
     }
 }

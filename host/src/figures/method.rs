@@ -153,12 +153,12 @@ fn image(values: ArrayView2<'_, Complex32>) -> Rgb8 {
 }
 
 /// From frame 0 straight to the last frame.
-fn direct(last: usize) -> Vec<Point> {
+pub(super) fn direct(last: usize) -> Vec<Point> {
     vec![(0.5, 0.5), (0.5, last as f64 + 0.5)]
 }
 
 /// Up to Δt = step, which reads the phase of that step, and down to where it has led.
-fn walk(last: usize, step: usize) -> Vec<Point> {
+pub(super) fn walk(last: usize, step: usize) -> Vec<Point> {
     let step = step.clamp(1, last.max(1));
     let mut points = vec![(0.5, 0.5)];
     for t in (0..last).step_by(step) {
@@ -170,7 +170,7 @@ fn walk(last: usize, step: usize) -> Vec<Point> {
 }
 
 /// A path with a light edge, a dot at its start and a head at its end.
-fn path(canvas: &mut Canvas, axes: &Axes, points: &[Point], color: Rgb) {
+pub(super) fn path(canvas: &mut Canvas, axes: &Axes, points: &[Point], color: Rgb) {
     let places: Vec<_> = points.iter().map(|&p| axes.place(p)).collect();
     let (Some(&start), Some(&[before, end])) = (places.first(), places.last_chunk()) else {
         return;

@@ -1,11 +1,11 @@
 //! Phase images that are held in memory: all of a small series, or some frames of a large one.
 
-use super::{ImageJob, Kernel, StripResult};
+use super::{Fit, ImageJob, Kernel, StripResult};
 use crate::error::{Error, Result};
 use crate::io::Series;
 use crate::lanes::Path;
 use crate::looks::{Looks, SpatialCoherence};
-use crate::method::Plan;
+use crate::method::{Method, Plan};
 use crate::progress::Progress;
 use crate::series::Survey;
 use ndarray::{Array3, ArrayView3, Axis, s};
@@ -73,8 +73,8 @@ pub struct Imaging<'a> {
 }
 
 impl Imaging<'_> {
-    /// Phases in radians, axes (time, y, x); NaN where a pixel is not usable. The progress bar is
-    /// called `label`.
+    /// Phases in radians, axes (time, y, x); NaN where a pixel is not usable; linked phases are
+    /// those of a single depth. The progress bar is called `label`.
     ///
     /// # Errors
     /// What [`ImageJob::run`] reports.
@@ -82,17 +82,31 @@ impl Imaging<'_> {
         let shape = self.series.shape();
         let kernel = Kernel::new(self.sigma_px, shape.height, shape.width, false)?;
         let effective_looks = self.coherence.looks_of_kernel(&kernel);
+        let looks = self.looks.choose(kernel.nominal_looks(), effective_looks);
+        let path = Path::best()?;
+        let fit = Fit {
+            series: self.series,
+            survey: self.survey,
+            plan,
+            coherence: self.coherence,
+            looks_of_layers: 1.0,
+            looks,
+            path,
+        };
+        let tiles = (plan.method == Method::Linked)
+            .then(|| fit.tiles(&Progress::new(label, fit.steps())))
+            .transpose()?;
         let job = ImageJob {
             series: self.series,
             survey: self.survey,
             plan,
             sigma_px: self.sigma_px,
-            looks: self.looks.choose(kernel.nominal_looks(), effective_looks),
+            looks,
             effective_looks,
-            tiles: None,
+            tiles: tiles.as_ref(),
             sigma: false,
             double: false,
-            path: Path::best()?,
+            path,
             threads: self.threads,
             memory: self.memory,
         };

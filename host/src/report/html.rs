@@ -19,8 +19,8 @@ pub struct Page<'a> {
     pub title: &'a str,
     /// What is to be seen, in one paragraph.
     pub explanation: &'a str,
-    /// The errors of the methods.
-    pub table: Table,
+    /// Tables, such as the errors of the methods.
+    pub tables: Vec<Table>,
     /// Scenes, one shown at a time.
     pub scenes: Vec<Scene<'a>>,
     /// Figures below the scenes.
@@ -75,7 +75,7 @@ impl Page<'_> {
              <main>\n<h1>{title}</h1>\n<p class=\"lead\">{}</p>\n",
             escape(self.explanation)
         );
-        html += &self.table.html();
+        html.extend(self.tables.iter().map(Table::html));
         html += &self.tabs();
         for (n, scene) in self.scenes.iter().enumerate() {
             html += &scene.html(n)?;
@@ -250,11 +250,11 @@ mod tests {
         let page = Page {
             title: "</title><script>alert(1)</script>",
             explanation: "<b>bold</b>",
-            table: Table {
+            tables: vec![Table {
                 caption: "errors".to_owned(),
                 header: vec!["method".to_owned(), "σ < 1".to_owned()],
                 rows: vec![vec!["direct".to_owned(), "1.2 & more".to_owned()]],
-            },
+            }],
             scenes: vec![scene("one"), scene("two")],
             figures: vec![Still { caption: "a figure", canvas: &canvas }],
         };
@@ -297,7 +297,7 @@ mod tests {
         let empty = Page {
             title: "",
             explanation: "",
-            table: Table::default(),
+            tables: vec![Table::default()],
             scenes: vec![],
             figures: vec![],
         };

@@ -91,7 +91,7 @@ impl Reconstruction<'_> {
         let page = Page {
             title: &title,
             explanation: self.summary,
-            table: self.table(),
+            tables: vec![self.table()],
             scenes: Vec::new(),
             figures: self.pictures.iter().map(still).collect(),
         };
