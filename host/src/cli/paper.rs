@@ -75,11 +75,6 @@ const PAGE: &str = "index.html";
 
 fn settings(arguments: &Arguments, common: &Common) -> Result<Settings> {
     let Arguments { width, height, seed, runs, gaussian, trials, .. } = *arguments;
-    if !(gaussian.is_finite() && gaussian > 0.0) {
-        return Err(Error::usage(format!(
-            "--gaussian {gaussian}: must be a positive number of pixels"
-        )));
-    }
     let mut settings = Settings::new([width, height], seed, runs, gaussian, common.threads())?;
     match trials {
         Some(0) => return Err(Error::usage("--trials 0: at least 1 is needed")),

@@ -3,6 +3,7 @@
 use crate::demo::Setup;
 use crate::demo::setup::sigma_label;
 use crate::error::{Error, Result};
+use crate::image::Kernel;
 use crate::simulate::SpeckleScene;
 
 /// σ of Figure 3's random motion, wavelengths per frame. The paper names the first, the second and the
@@ -36,7 +37,8 @@ impl Settings {
     /// The paper's scene in the given size.
     ///
     /// # Errors
-    /// A size that cannot be simulated or in which the x is too small, or no run.
+    /// A size that cannot be simulated or in which the x is too small, a Gaussian that does not fit, or
+    /// no run.
     pub fn new(
         [width, height]: [usize; 2],
         seed: u64,
@@ -54,6 +56,7 @@ impl Settings {
                 return Err(Error::usage(format!("{flag} {side}: at least {SMALLEST}, {why}")));
             }
         }
+        Kernel::new(gaussian_px, height, width, false)?;
         if runs == 0 {
             return Err(Error::usage("--runs 0: at least 1 scene for each σ is needed"));
         }

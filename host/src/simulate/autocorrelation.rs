@@ -12,7 +12,7 @@ use rayon::prelude::*;
 /// that are `true` count: inside a region that moves as a whole the amplitude is the same, but a sum
 /// over both regions mixes two phases and is too small. The amplitude of unrelated patterns does
 /// not average to 0 but to about √(π/4L), L the number of independent speckles. A pair of frames
-/// of which one is dark throughout makes the result `NaN`.
+/// of which one is dark throughout makes the result `NaN`, as does a mask without a pixel.
 ///
 /// # Errors
 /// When the shapes do not agree, or a lag leaves no pair of frames.
@@ -34,33 +34,42 @@ pub fn coherence_at_lags(
             mask.len()
         )));
     }
+    // Taken out once: every frame is needed in many pairs.
+    let inside = mask.map(|mask| -> Vec<Complex32> {
+        let masked = fields.iter().zip(mask.iter().cycle());
+        masked.filter(|&(_, &inside)| inside).map(|(&u, _)| u).collect()
+    });
+    let (fields, pixels) = match (&inside, mask) {
+        (Some(inside), Some(mask)) => (inside.as_slice(), mask.iter().filter(|&&m| m).count()),
+        _ => (fields, pixels),
+    };
+    if pixels == 0 {
+        return Ok(vec![f64::NAN; lags.len()]);
+    }
     let frames: Vec<&[Complex32]> = fields.chunks_exact(pixels).collect();
-    lags.iter().map(|&lag| coherence_at_lag(&frames, lag, mask)).collect()
+    lags.iter().map(|&lag| coherence_at_lag(&frames, lag)).collect()
 }
 
 /// Mean over t of the coherence of frames t and t + `lag`.
-fn coherence_at_lag(frames: &[&[Complex32]], lag: usize, mask: Option<&[bool]>) -> Result<f64> {
+fn coherence_at_lag(frames: &[&[Complex32]], lag: usize) -> Result<f64> {
     let later = frames.get(lag..).filter(|later| !later.is_empty()).ok_or_else(|| {
         Error::usage(format!(
             "autocorrelation at lag {lag}: needs more than {lag} frames, there are {}",
             frames.len()
         ))
     })?;
-    let pairs: Vec<f64> =
-        frames.par_iter().zip(later).map(|(a, b)| coherence(a, b, mask)).collect();
+    let pairs: Vec<f64> = frames.par_iter().zip(later).map(|(a, b)| coherence(a, b)).collect();
     Ok(pairs.iter().sum::<f64>() / pairs.len() as f64)
 }
 
-/// |Σ a b*| / √(Σ |a|² Σ |b|²) over the pixels of `mask`.
-fn coherence(a: &[Complex32], b: &[Complex32], mask: Option<&[bool]>) -> f64 {
+/// |Σ a b*| / √(Σ |a|² Σ |b|²).
+fn coherence(a: &[Complex32], b: &[Complex32]) -> f64 {
     let (mut product, mut power_a, mut power_b) = (Complex64::ZERO, 0.0, 0.0);
-    for (i, (a, b)) in a.iter().zip(b).enumerate() {
-        if mask.is_none_or(|mask| mask[i]) {
-            let [a, b] = [a, b].map(|u| Complex64::new(f64::from(u.re), f64::from(u.im)));
-            product += a * b.conj();
-            power_a += a.norm_sqr();
-            power_b += b.norm_sqr();
-        }
+    for (a, b) in a.iter().zip(b) {
+        let [a, b] = [a, b].map(|u| Complex64::new(f64::from(u.re), f64::from(u.im)));
+        product += a * b.conj();
+        power_a += a.norm_sqr();
+        power_b += b.norm_sqr();
     }
     product.norm() / (power_a * power_b).sqrt()
 }
@@ -90,6 +99,7 @@ mod tests {
     fn the_mask_chooses_pixels() {
         let got = coherence_at_lags(&FIELDS, 2, &[2], Some(&[true, false])).unwrap();
         assert!((got[0] - 1.0).abs() < 1e-12);
+        assert!(coherence_at_lags(&FIELDS, 2, &[2], Some(&[false; 2])).unwrap()[0].is_nan());
     }
 
     #[test]

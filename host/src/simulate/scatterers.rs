@@ -182,7 +182,10 @@ pub fn advance(
             if walk.drift != 0 {
                 block.drift(walk.drift, raster);
             }
-            block.walk(first + b * BLOCK, walk);
+            // Without random motion every step is 0, whatever the random numbers.
+            if walk.sigma_turns != [0.0; 3] {
+                block.walk(first + b * BLOCK, walk);
+            }
         }
         block.add_to(raster, sums);
     }
