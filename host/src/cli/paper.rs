@@ -11,7 +11,7 @@ use crate::paper::figure1::figure1;
 use crate::paper::figure2::figure2;
 use crate::paper::figure3::figure3;
 use crate::paper::page::{self, Figures};
-use crate::paper::settings::{SHOWN, SIGMAS};
+use crate::paper::settings::{GAUSSIAN_PX, SHOWN, SIGMAS};
 use crate::paper::{
     BoundRow, Claim, Evidence, Scene, Settings, Statistics, Store, bound, claims, run as runs,
 };
@@ -37,8 +37,8 @@ pub(super) struct Arguments {
     /// Pixels along y
     #[arg(long, value_name = "PX", default_value_t = 368)]
     height: usize,
-    /// σ of the Gaussian of Figure 2's images, pixels
-    #[arg(long, value_name = "PX", default_value_t = 3.0)]
+    /// σ of the Gaussian of Figure 2's images, pixels; the paper gives none
+    #[arg(long, value_name = "PX", default_value_t = GAUSSIAN_PX)]
     gaussian: f64,
     /// Trials of each entry of the table against the bound [default: 4 for each run]
     #[arg(long, value_name = "N")]

@@ -73,6 +73,9 @@ impl CrossSpectra<'_> {
         axes.x_axis(canvas, (row == 1).then_some("time t / frames"));
         axes.y_axis(canvas, (n == 0).then_some("time difference Δt / frames"));
         axes.frame(canvas);
+        // A large magnitude is as white as the page: where the spectrum ends must be seen.
+        let end = [(0.0, lags as f64), (frames as f64, 0.0)];
+        axes.curve(canvas, end, Stroke::solid(style::FAINT, 1.0));
         if let Some(last) = frames.checked_sub(1).filter(|&last| last > 0) {
             path(canvas, &axes, &direct(last), style::DIRECT);
             path(canvas, &axes, &walk(last, self.step), style::EXTENDED);

@@ -75,6 +75,21 @@ impl std::fmt::Display for Limit {
 }
 
 impl Claim {
+    fn new(
+        lines: &'static str,
+        text: &'static str,
+        measure: &'static str,
+        value: f64,
+        limit: Limit,
+    ) -> Self {
+        Self { lines, text, measure, value, limit, linked: None }
+    }
+
+    /// With the number of linked phases beside ours.
+    fn beside(self, linked: f64) -> Self {
+        Self { linked: Some(linked), ..self }
+    }
+
     /// Whether it holds.
     #[must_use]
     pub fn holds(&self) -> bool {
@@ -96,41 +111,34 @@ pub fn claims(evidence: &Evidence<'_>) -> Vec<Claim> {
 /// Noise has π/√3 = 1.81 rad.
 const NOISE_RAD: Limit = Limit::AtLeast(1.6);
 
+/// Figure 1, c and d, f and g.
 fn of_figure1(scene: &Scene) -> Vec<Claim> {
     let truth = &scene.truth_rad;
     let (single, averaged) = (&scene.spectra.single, &scene.spectra.averaged);
     let far = truth.len() / 2..=truth.len() - 1;
-    let claim = |lines, text, measure, value, limit| Claim {
-        lines,
-        text,
-        measure,
-        value,
-        limit,
-        linked: None,
-    };
     vec![
-        claim(
+        Claim::new(
             "155-159",
             "without averaging, summed single steps equal the direct difference",
             "largest difference modulo 2π, one pixel, λ/16, rad",
             sum_of_steps_beside_direct(single),
             Limit::AtMost(1e-3),
         ),
-        claim(
+        Claim::new(
             "135-137",
             "Fig. 1 c, f: without averaging the phase is lost beyond the correlation time",
             "rms error of arg C, one pixel, λ/16, Δt ≥ 35, rad",
             spectrum_error(single, truth, far.clone()),
             NOISE_RAD,
         ),
-        claim(
+        Claim::new(
             "137-139",
             "Fig. 1 d, g: averaged, direct differences cannot be used",
             "rms error of arg ⟨C⟩, λ/16, Δt ≥ 35, rad",
             spectrum_error(averaged, truth, far),
             NOISE_RAD,
         ),
-        claim(
+        Claim::new(
             "139-140",
             "Fig. 1 d, g: averaged, phases for small Δt are valid",
             "rms error of arg ⟨C⟩, λ/16, Δt = 1, rad",
@@ -145,66 +153,76 @@ const WELL_VISIBLE: Limit = Limit::AtLeast(0.5);
 const VISIBLE: Limit = Limit::AtLeast(0.2);
 const ONLY_NOISE: Limit = Limit::AtMost(0.1);
 
-fn of_images(scenes: &[Scene; 3]) -> Vec<Claim> {
-    let [_, slow, fast] = scenes;
-    let seen = |scene: &Scene, frame: usize, method: usize| {
-        let image = scene.snapshot(frame).phases[method].view();
-        visibility(image, &scene.mask, scene.truth_rad[frame])
-    };
-    let alike = |method: usize| {
-        let phases = &slow.snapshot(10).phases;
-        likeness(&phases[DIRECT], &phases[method])
-    };
-    let share = |method| seen(fast, 69, method) / seen(slow, 69, method);
-    let claim = |lines, text, measure, values: (f64, Option<f64>), limit| Claim {
-        lines,
-        text,
-        measure,
-        value: values.0,
-        limit,
-        linked: values.1,
-    };
-    vec![
-        claim(
+/// Figure 2.
+fn of_images([_, slow, fast]: &[Scene; 3]) -> Vec<Claim> {
+    let mut all = of_slow_images(slow).to_vec();
+    all.extend(of_fast_images(slow, fast));
+    all
+}
+
+/// Visibility of the x in one of a scene's images.
+fn seen(scene: &Scene, frame: usize, method: usize) -> f64 {
+    let image = scene.snapshot(frame).phases[method].view();
+    visibility(image, &scene.mask, scene.truth_rad[frame])
+}
+
+const SEEN_LATE: &str = "visibility of the x, frame 60";
+const SEEN_LAST: &str = "visibility of the x, frame 69";
+
+fn of_slow_images(slow: &Scene) -> [Claim; 3] {
+    let phases = &slow.snapshot(10).phases;
+    let alike = |method: usize| likeness(&phases[DIRECT], &phases[method]);
+    [
+        Claim::new(
             "460-463",
             "λ/32, first 10 steps: direct and extended images almost indistinguishable",
             "mean cosine of their difference, frame 10",
-            (alike(PAPER), Some(alike(LINKED))),
+            alike(PAPER),
             Limit::AtLeast(0.9),
-        ),
-        claim(
+        )
+        .beside(alike(LINKED)),
+        Claim::new(
             "463-464",
             "λ/32, 60 steps: the direct difference yields only noise",
-            "visibility of the x, frame 60",
-            (seen(slow, 60, DIRECT), None),
+            SEEN_LATE,
+            seen(slow, 60, DIRECT),
             ONLY_NOISE,
         ),
-        claim(
+        Claim::new(
             "464-466",
             "λ/32, 60 steps: the x is well visible by the extended method",
-            "visibility of the x, frame 60",
-            (seen(slow, 60, PAPER), Some(seen(slow, 60, LINKED))),
+            SEEN_LATE,
+            seen(slow, 60, PAPER),
             WELL_VISIBLE,
-        ),
-        claim(
+        )
+        .beside(seen(slow, 60, LINKED)),
+    ]
+}
+
+fn of_fast_images(slow: &Scene, fast: &Scene) -> [Claim; 3] {
+    let share = |method| seen(fast, 69, method) / seen(slow, 69, method);
+    [
+        Claim::new(
             "468-469",
             "λ/16, 69 steps: the x begins to deteriorate",
             "visibility over that at λ/32, frame 69",
-            (share(PAPER), Some(share(LINKED))),
+            share(PAPER),
             Limit::AtMost(0.9),
-        ),
-        claim(
+        )
+        .beside(share(LINKED)),
+        Claim::new(
             "470",
             "λ/16, 69 steps: the x remains visible by the extended method",
-            "visibility of the x, frame 69",
-            (seen(fast, 69, PAPER), Some(seen(fast, 69, LINKED))),
+            SEEN_LAST,
+            seen(fast, 69, PAPER),
             VISIBLE,
-        ),
-        claim(
+        )
+        .beside(seen(fast, 69, LINKED)),
+        Claim::new(
             "471",
             "λ/16, 69 steps: the direct difference yields only noise",
-            "visibility of the x, frame 69",
-            (seen(fast, 69, DIRECT), None),
+            SEEN_LAST,
+            seen(fast, 69, DIRECT),
             ONLY_NOISE,
         ),
     ]
@@ -217,24 +235,14 @@ const LOST: Limit = Limit::AtLeast(1.0);
 
 const END_ERROR: &str = "rms error in frame 69 over the phase put in";
 
+/// Figure 3, a-h.
 fn of_curves(statistics: &[Statistics; 4]) -> Vec<Claim> {
     let [still, slow, medium, fast] = statistics;
     let end = |of: &Statistics, method: usize| of.last_errors()[method] / of.last_truth();
-    let direct = |lines, text, of, limit| Claim {
-        lines,
-        text,
-        measure: END_ERROR,
-        value: end(of, DIRECT),
-        limit,
-        linked: None,
-    };
-    let walk = |lines, text, of, method| Claim {
-        lines,
-        text,
-        measure: END_ERROR,
-        value: end(of, method),
-        limit: RECOVERED,
-        linked: Some(end(of, LINKED)),
+    let direct =
+        |lines, text, of, limit| Claim::new(lines, text, END_ERROR, end(of, DIRECT), limit);
+    let walk = |lines, text, of, method| {
+        Claim::new(lines, text, END_ERROR, end(of, method), RECOVERED).beside(end(of, LINKED))
     };
     vec![
         direct("485-488", "σ = 0: the direct difference yields the curve put in", still, RECOVERED),
@@ -254,6 +262,7 @@ fn of_curves(statistics: &[Statistics; 4]) -> Vec<Claim> {
     ]
 }
 
+/// Figure 3, i-k, and how long the methods last beside it.
 fn of_correlation(statistics: &[Statistics; 4]) -> Vec<Claim> {
     let [_, slow, _, fast] = statistics;
     let mean = |of: &Statistics, lag: usize| of.autocorrelation.mean[lag];
@@ -262,61 +271,51 @@ fn of_correlation(statistics: &[Statistics; 4]) -> Vec<Claim> {
         let limit = 0.1 * of.last_truth();
         frames_within(&of.errors[method], START_FRAME, limit) as f64 / half(of)
     };
-    let claim = |lines, text, measure, value, limit| Claim {
-        lines,
-        text,
-        measure,
-        value,
-        limit,
-        linked: None,
-    };
     let times = "frames with an rms error ≤ 10 % of the end phase, over those to one half, λ/16";
     vec![
-        claim(
+        Claim::new(
             "466-467",
             "λ/32: speckle patterns appear correlated after 10 steps",
             "autocorrelation at lag 10",
             mean(slow, 10),
             Limit::AtLeast(0.3),
         ),
-        claim(
+        Claim::new(
             "467",
             "λ/32: speckle patterns are completely changed after 69 steps",
             "autocorrelation at lag 69",
             mean(slow, 69),
             Limit::AtMost(0.1),
         ),
-        claim(
+        Claim::new(
             "491-493",
             "λ/32: the autocorrelation drops to one half in less than ten frames",
             "frames to one half",
             half(slow),
             Limit::AtMost(10.0),
         ),
-        claim(
+        Claim::new(
             "497-498",
             "λ/16: the autocorrelation halves after few frames",
             "frames to one half",
             half(fast),
             Limit::AtMost(4.0),
         ),
-        claim(
+        Claim::new(
             "413",
             "the direct difference only yields phases within the correlation time",
             times,
             within(fast, DIRECT),
             Limit::AtMost(10.0),
         ),
-        Claim {
-            linked: Some(within(fast, LINKED)),
-            ..claim(
-                "548-550",
-                "averaged steps allow more than ten times the decorrelation time",
-                times,
-                within(fast, PAPER),
-                Limit::AtLeast(10.0),
-            )
-        },
+        Claim::new(
+            "548-550",
+            "averaged steps allow more than ten times the decorrelation time",
+            times,
+            within(fast, PAPER),
+            Limit::AtLeast(10.0),
+        )
+        .beside(within(fast, LINKED)),
     ]
 }
 
@@ -330,22 +329,21 @@ fn of_outliers(bound: &[BoundRow]) -> Vec<Claim> {
     };
     let measure = "rms error over the bound, 3 outlier frames, λ/32, 1000 looks";
     vec![
-        Claim {
-            lines: "428-429",
-            text: "in single steps one outlier ruins all that follows",
+        Claim::new(
+            "428-429",
+            "in single steps one outlier ruins all that follows",
             measure,
-            value: over("one-step"),
-            limit: Limit::AtLeast(5.0),
-            linked: None,
-        },
-        Claim {
-            lines: "554-555",
-            text: "the extended method removes the sensitivity to outliers",
+            over("one-step"),
+            Limit::AtLeast(5.0),
+        ),
+        Claim::new(
+            "554-555",
+            "the extended method removes the sensitivity to outliers",
             measure,
-            value: over("paper"),
-            limit: Limit::AtMost(2.0),
-            linked: Some(over("linked")),
-        },
+            over("paper"),
+            Limit::AtMost(2.0),
+        )
+        .beside(over("linked")),
     ]
 }
 

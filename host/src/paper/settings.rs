@@ -16,6 +16,10 @@ pub const SHOWN: [usize; 3] = [0, 1, 3];
 /// Frames whose images are kept: the first, and those the paper speaks of (lines 462-469).
 pub const FRAMES: [usize; 4] = [0, 10, 60, 69];
 
+/// σ_Gauss of the images, pixels. The paper gives none (line 750). With 3 pixels its threshold, which takes
+/// pixels for independent looks, lets so much noise pass at λ/16 that the x is lost.
+pub const GAUSSIAN_PX: f64 = 5.0;
+
 /// Smallest side: below, the x is a few speckles.
 const SMALLEST: usize = 32;
 
