@@ -227,15 +227,15 @@ mod tests {
         let mut store = Store::open(&path, &settings(160)).unwrap();
         store.add((1, 0), run(0.5)).unwrap();
         drop(store);
-        let refused = |settings| Store::open(&path, settings).err().unwrap();
-        let error = refused(&settings(100));
+        let refused = |width| Store::open(&path, &settings(width)).err().unwrap();
+        let error = refused(100);
         assert!(error.to_string().contains("width=160, not width=100"), "{error}");
         assert_eq!(error.exit_status(), 2);
         let text = fs::read_to_string(&path).unwrap();
         fs::write(&path, text.replace(",69,", ",70,")).unwrap();
-        assert!(refused(&settings(160)).to_string().contains("lines 3 to 72 are not a run"));
+        assert!(refused(160).to_string().contains("lines 3 to 72 are not a run"));
         fs::write(&path, "mine\n").unwrap();
-        assert!(refused(&settings(160)).to_string().contains("holds no runs"));
+        assert!(refused(160).to_string().contains("holds no runs"));
         assert_eq!(fs::read_to_string(&path).unwrap(), "mine\n");
     }
 }
