@@ -5,7 +5,7 @@ use super::{Common, list, print};
 use crate::demo::errors::aligned;
 use crate::error::{Error, Result};
 use crate::paper::documents::{
-    claims_csv, claims_long, claims_markdown, claims_short, ends_table, markdown,
+    claims_csv, claims_json, claims_long, claims_markdown, claims_short, ends_table, markdown,
 };
 use crate::paper::figure1::figure1;
 use crate::paper::figure2::figure2;
@@ -59,7 +59,8 @@ pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     files.insert(0, arguments.out.join(RUNS));
     let seconds = start.elapsed().as_secs_f64();
     if common.json {
-        let facts = json!({ "files": files, "seconds": seconds, "claims": results.claims });
+        let facts =
+            json!({ "files": files, "seconds": seconds, "claims": claims_json(&results.claims) });
         print(&facts.to_string());
         return Ok(());
     }

@@ -15,11 +15,9 @@ use super::statistics::Statistics;
 use crate::figures::curves::half_lag;
 use crate::simulate::START_FRAME;
 use crate::study::ESTIMATORS;
-use serde::Serialize;
 
 /// What the number must be.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Limit {
     /// Not more than this.
     AtMost(f64),
@@ -28,7 +26,7 @@ pub enum Limit {
 }
 
 /// One line of the table.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug)]
 pub struct Claim {
     /// Lines of the paper's source.
     pub lines: &'static str,

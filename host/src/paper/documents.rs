@@ -6,6 +6,7 @@ use super::settings::Settings;
 use super::statistics::Statistics;
 use crate::error::{Error, Result};
 use crate::report::Table;
+use serde_json::json;
 use std::fmt::Write as _;
 
 /// The claims, short enough for a terminal.
@@ -104,6 +105,23 @@ pub fn claims_csv(claims: &[Claim]) -> Result<Vec<u8>> {
     writer.into_inner().map_err(|error| failed(&error))
 }
 
+/// The claims for machines.
+#[must_use]
+pub fn claims_json(claims: &[Claim]) -> serde_json::Value {
+    let of = |claim: &Claim| {
+        json!({
+            "lines": claim.lines,
+            "text": claim.text,
+            "measure": claim.measure,
+            "value": claim.value,
+            "limit": claim.limit.to_string(),
+            "holds": claim.holds(),
+            "linked": claim.linked,
+        })
+    };
+    claims.iter().map(of).collect()
+}
+
 /// A table in Markdown, its caption above.
 #[must_use]
 pub fn markdown(table: &Table) -> String {
@@ -116,6 +134,7 @@ pub fn markdown(table: &Table) -> String {
 /// A number with about three digits.
 fn significant(value: f64) -> String {
     let text = match value.abs() {
+        0.0 => "0".to_owned(),
         size if size >= 100.0 => format!("{value:.0}"),
         size if size >= 10.0 => format!("{value:.1}"),
         size if size >= 1.0 => format!("{value:.2}"),
@@ -161,6 +180,6 @@ mod tests {
     #[test]
     fn numbers_have_three_digits() {
         let texts = [123.4, -12.34, 1.234, 0.1234, 2e-5, 0.0, f64::NAN].map(significant);
-        assert_eq!(texts, ["123", "\u{2212}12.3", "1.23", "0.123", "2e-5", "0e0", "NaN"]);
+        assert_eq!(texts, ["123", "\u{2212}12.3", "1.23", "0.123", "2e-5", "0", "NaN"]);
     }
 }
