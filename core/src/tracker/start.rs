@@ -25,7 +25,7 @@ pub(super) fn first_phase<T: Real>(sum: Complex<T>, predicted: T) -> T {
 /// The phase of the last sound frame; over gaps longer than the shortest interval, plus the velocity of the
 /// newest short intervals.
 ///
-/// It chooses the integer only, and so costs no precision (paper line 597).
+/// It chooses the integer only, and so costs no precision (paper lines 572-584).
 pub(super) fn predict<T: Real>(window: &[Node<T>], time: f64) -> T {
     let sound = || window.iter().filter(|node| is_sound(node));
     let Some(last) = window.get(predicts(window)) else { return T::zero() };
