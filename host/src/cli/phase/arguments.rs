@@ -82,6 +82,10 @@ pub(in crate::cli) struct Arguments {
     /// of some frames with their speckle
     #[arg(long, value_name = "F.png")]
     pub(super) figure: Option<PathBuf>,
+    /// Draw how fast each part of the image decorrelates, what is static and what is noise, .png or .svg
+    /// (images of --method linked; a .zarr result holds the maps too)
+    #[arg(long, value_name = "F.png")]
+    pub(super) decorrelation: Option<PathBuf>,
     /// Frames that the figure of images shows, counting bad sweeps
     /// [default: seven from the reference to the last]
     #[arg(long, value_name = "FRAME,...", value_delimiter = ',', allow_negative_numbers = true)]
@@ -224,6 +228,18 @@ impl Arguments {
         Err(Error::usage(format!("--acceleration {sigma}: must be a number above 0")))
     }
 
+    /// The map of the decorrelation.
+    fn validate_map(&self, inputs: &[&std::path::Path]) -> Result<()> {
+        let Some(map) = &self.decorrelation else { return Ok(()) };
+        if self.method != MethodName::Linked || self.gaussian.is_none() {
+            return Err(Error::usage(
+                "--decorrelation belongs to images (--gaussian) of --method linked: leave it out",
+            ));
+        }
+        Picture::of(map)?;
+        check_output("--decorrelation", map, inputs)
+    }
+
     /// Options that belong to curves or to images.
     fn validate_regions(&self) -> Result<()> {
         if self.mask.is_some() && (self.sigma || self.precision == Precision::F64) {
@@ -254,6 +270,7 @@ impl Arguments {
         let sigma = sibling(&self.output, "sigma");
         check_output("-o", &self.output, &inputs)?;
         check_output("-o", &sigma, &inputs)?;
+        self.validate_map(&inputs)?;
         let Some(figure) = &self.figure else { return Ok(()) };
         Picture::of(figure)?;
         check_output("--figure", figure, &inputs)

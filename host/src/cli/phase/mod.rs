@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `arguments` | the options, and what they alone can tell |
 //! | `curve` | the phase of a region over time |
+//! | `decorrelation` | how fast each part of the image decorrelates |
 //! | `images` | phase images of all frames |
 //! | `shown` | the frames that the figure of images shows |
 //! | `figure` | the file of a figure |
@@ -11,6 +12,7 @@
 
 mod arguments;
 mod curve;
+mod decorrelation;
 mod figure;
 mod images;
 mod report;
