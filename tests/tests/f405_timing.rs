@@ -6,7 +6,7 @@
 //! best there is, two and three are slower than any measured figure of this core.
 
 use num_complex::Complex;
-use phasewalk_core::online::{SPECKLES, online_walk};
+use phasewalk_core::online::{OnlineTracker, SPECKLES};
 use phasewalk_firmware::limits::Limits;
 use phasewalk_firmware::message::{
     Command, Estimate, Event, Model, Reply, SPECKLES_PER_REQUEST, State,
@@ -314,10 +314,11 @@ fn solved(session: &Board) -> Vec<Estimate> {
 
 /// Bit for bit what the desktop finds.
 fn assert_the_desktops_bits(told: &[Estimate], sent: &[Vec<Complex<f32>>]) {
-    let mut walk = online_walk::<f32>(SPECKLES, LOOKS.into()).expect("the desktop can solve it");
+    let tracker = OnlineTracker::<f32>::new(SPECKLES, LOOKS.into());
+    let mut tracker = tracker.expect("the desktop can solve it");
     assert_eq!(told.len(), sent.len(), "every volume was solved, and told");
     for (number, (told, volume)) in told.iter().zip(sent).enumerate() {
-        let ours = walk.push(volume);
+        let ours = tracker.push(volume);
         let theirs = (told.volume as usize, told.phase, told.sigma);
         assert_eq!(theirs, (number, ours.phase_rad.to_bits(), ours.sigma_rad.to_bits()));
     }
