@@ -91,7 +91,7 @@ pub fn run(stay_awake: bool) -> ! {
     let mut volume = Volume::new();
     loop {
         if let Some((speckles, looks)) = MAILBOX.with(|mailbox| mailbox.begin.take()) {
-            tracker = OnlineTracker::new(speckles.into(), looks.into()).ok();
+            begin_anew(&mut tracker, speckles, looks);
         }
         let full = take(&mut volume);
         match &mut tracker {
@@ -100,6 +100,12 @@ pub fn run(stay_awake: bool) -> ! {
             _ => cortex_m::asm::wfi(),
         }
     }
+}
+
+/// Not inline: making a tracker takes its room once more, which the stack need not hold while it works.
+#[inline(never)]
+fn begin_anew(tracker: &mut Option<OnlineTracker<Number>>, speckles: u16, looks: f32) {
+    *tracker = OnlineTracker::new(speckles.into(), looks.into()).ok();
 }
 
 /// Take the volume that waits, if one does. Passes leave a full one alone, but a new series drops it;
