@@ -73,6 +73,7 @@ pub fn check(speckles: usize, looks: f64) -> Result<(), Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tracker::testing::Speckle;
 
     /// A speckle of a volume: a pattern that slowly falls apart, and a phase that grows.
     fn speckle<T: Real>(volume: usize, number: usize) -> Complex<T> {
@@ -116,13 +117,39 @@ mod tests {
         assert!((last.phase_rad - (7.0 - 0.2)).abs() < 0.2, "{last:?}");
     }
 
+    /// Phase of a volume that grows and trembles, rad.
+    fn truth(volume: usize) -> f64 {
+        let t = volume as f64;
+        0.08 * t + 0.4 * libm::sin(0.3 * t)
+    }
+
+    /// After 70 volumes of `LOOKS` independent speckles whose patterns are correlated by `rho` from one to the next,
+    /// over the bound of the random walk: rms error, rms of the standard deviation said.
+    fn errors<const LOOKS: usize>(rho: f64) -> (f64, f64) {
+        const RUNS: u64 = 100;
+        let reference = (0..5).map(truth).sum::<f64>() / 5.0;
+        let (mut error, mut said) = (0.0, 0.0);
+        for seed in 0..RUNS {
+            let mut speckle = Speckle::<LOOKS>::new(seed, rho);
+            let mut tracker = OnlineTracker::<f32>::new(LOOKS, LOOKS as f64).unwrap();
+            let estimates = (0..70).map(|t| tracker.push(&speckle.frame(truth(t), 0.0)));
+            let last = estimates.last().unwrap();
+            error += (f64::from(last.phase_rad) - (truth(69) - reference)).powi(2);
+            said += f64::from(last.sigma_rad).powi(2);
+        }
+        // A step from volume to volume has this variance; those among the five of the reference count in part.
+        let step = (1.0 - rho * rho) / (2.0 * rho * rho * LOOKS as f64);
+        let bound = 66.2 * step * RUNS as f64;
+        let (error, said) = (libm::sqrt(error / bound), libm::sqrt(said / bound));
+        std::println!("{LOOKS} looks, {rho}: error {error:.2}, said {said:.2} of the bound");
+        (error, said)
+    }
+
     #[test]
-    fn the_fewest_looks_are_enough() {
-        let mut tracker = OnlineTracker::<f32>::new(9, FEWEST_LOOKS).unwrap();
-        for volume in 0..70 {
-            let got = tracker.push(&core::array::from_fn::<_, 9, _>(|n| speckle(volume, n)));
-            let expected = 0.1 * (volume as f32 - 2.0);
-            assert!(volume < 5 || (got.phase_rad - expected).abs() < 0.5, "{got:?}");
+    fn errors_are_near_the_bound_with_many_looks_and_with_the_fewest() {
+        for (error, said) in [errors::<64>(0.9), errors::<64>(0.7), errors::<9>(0.97)] {
+            assert!(error < 1.35, "{error}");
+            assert!(said > 0.6 * error && said < 1.1 * error, "{said} {error}");
         }
     }
 }

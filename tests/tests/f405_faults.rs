@@ -534,7 +534,7 @@ fn the_interlock_opens_while_the_solver_works() {
             send_volume(&mut session, 0.02 * f64::from(number));
             session.run_for(10 * MS);
         }
-        // 16 lags take a millisecond, three take a part of it.
+        // A full window takes three milliseconds, three volumes a part of it.
         send_volume(&mut session, 0.0);
         session.run_for(500 * position);
         assert!(session.board.level(Pin::STIMULUS));
@@ -889,7 +889,7 @@ fn run_away(action: Action) -> (Board, u64) {
         assert!(!session.board.level(PHASE), "not before its time");
         assert!(session.board.level(Pin::STIMULUS));
         let last = send_volume(&mut session, runaway(number));
-        session.run_for(4 * MS);
+        session.run_for(SOLVED);
         if runaway(number) > 1.1 {
             return (session, last);
         }
@@ -897,8 +897,9 @@ fn run_away(action: Action) -> (Board, u64) {
     unreachable!("the phase runs away");
 }
 
-/// A volume is solved in a millisecond of its own; its request and what follows take passes.
-const SOLVED: u64 = REQUEST + 2 * MS + PASS;
+/// A volume is solved in three milliseconds of its own, in six at two cycles per instruction; its request and
+/// what follows take passes.
+const SOLVED: u64 = REQUEST + 10 * MS + PASS;
 
 fn assert_crossed(session: &Board, last: u64) {
     assert!(session.board.level(PHASE));

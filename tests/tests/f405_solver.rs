@@ -54,7 +54,7 @@ struct Solved {
 }
 
 impl Solved {
-    /// Mean instructions of a volume that has all lags behind it.
+    /// Mean instructions of a volume that finds a full window.
     fn mean(&self) -> f64 {
         let full = &self.instructions[LAGS..];
         full.iter().sum::<f64>() / full.len() as f64
@@ -110,7 +110,9 @@ fn rms(values: impl Iterator<Item = f64>) -> f64 {
 const IMAGES: [&str; 3] = ["f405.elf", "f405-libm.elf", "f405-micromath.elf"];
 
 fn print_table(solved: &[Solved; 3]) {
-    println!("{VOLUMES} volumes of {SPECKLES} speckles, {LAGS} lags; QEMU's instruction counts");
+    println!(
+        "{VOLUMES} volumes of {SPECKLES} speckles, a window of {LAGS}; QEMU's instruction counts"
+    );
     println!("volumes/s: estimate, {PROCESSOR_HZ:.0} instructions per second at the best");
     println!("| | processor's root | libm | micromath |\n|---|---|---|---|");
     let row = |what: &str, of: &dyn Fn(&Solved) -> String| {
@@ -146,16 +148,20 @@ fn the_board_finds_the_desktops_bits_and_each_root_and_arc_tangent_has_its_price
     for exact in [&flashed, &libm] {
         let compared = Comparison::of(&exact.rows);
         assert_eq!(compared.same_bits, VOLUMES);
-        // f32 has 24 bits; sums of 64 speckles and a network of 17 volumes lose some of them.
-        assert!(compared.largest_rad < 1e-5, "{}", compared.largest_rad);
+        // f32 has 24 bits; 64 speckles, 17 nodes and the fit of the coherence lose some of them.
+        assert!(compared.largest_rad < 1e-4, "{}", compared.largest_rad);
         assert!(exact.error_rad < 1.5 * bound, "{} of {bound}", exact.error_rad);
         // A third of it is kept for what this test does not meet.
         assert!(exact.stack > 1024 && exact.stack < STACK * 2 / 3, "{}", exact.stack);
     }
-    // micromath's arc tangent is good to 2.8e-3 rad, and errors of all lags add up.
+    // micromath's arc tangent is good to 2.8e-3 rad; a phase only begins there, and scoring makes that up.
     let compared = Comparison::of(&micromath.rows);
-    assert!(compared.largest_rad < 2e-2, "{}", compared.largest_rad);
-    assert_eq!(compared.same_bits, 0, "this is another arithmetic");
+    assert!(compared.largest_rad < 1e-3, "{}", compared.largest_rad);
+    assert_eq!(
+        compared.first_other,
+        Some(1),
+        "this is another arithmetic; the first phase is 0 in all"
+    );
     assert!(flashed.mean() < libm.mean() && micromath.mean() < libm.mean());
 }
 

@@ -46,7 +46,7 @@ mod nodes;
 mod settings;
 mod start;
 #[cfg(test)]
-mod testing;
+pub(crate) mod testing;
 
 pub use fields::FieldTracker;
 pub use memory::DECAYS;
@@ -126,7 +126,7 @@ impl<T: Copy> Absorb<T> {
 /// window, oldest first. For each frame call [`Self::absorb`], do with the fields as it says, then
 /// [`Self::push`].
 ///
-/// Memory: 3 NODES^2 + 5 NODES + 119 numbers, and a time and a flag per node: 4.6 kB in `f32` at B = 16. A frame
+/// Memory: 3 NODES^2 + 5 NODES + 119 numbers, and a time and a flag per node: 4.7 kB in `f32` at B = 16. A frame
 /// needs two more matrices, 2 NODES^2 numbers, and some rows on the stack.
 #[derive(Clone, Debug)]
 pub struct Tracker<T, const NODES: usize> {

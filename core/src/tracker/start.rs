@@ -29,7 +29,8 @@ pub(super) fn first_phase<T: Real>(sum: Complex<T>, predicted: T) -> T {
 pub(super) fn predict<T: Real>(window: &[Node<T>], time: f64) -> T {
     let sound = || window.iter().filter(|node| is_sound(node));
     let Some(last) = window.get(predicts(window)) else { return T::zero() };
-    let steps = || sound().zip(sound().skip(1)).map(|(a, b)| (b.time - a.time, b.phase() - a.phase()));
+    let steps =
+        || sound().zip(sound().skip(1)).map(|(a, b)| (b.time - a.time, b.phase() - a.phase()));
     let shortest = steps().fold(f64::INFINITY, |least, (interval, _)| least.min(interval));
     let gap = time - last.time;
     // False without any interval: the shortest is infinite then.
