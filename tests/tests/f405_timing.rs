@@ -40,8 +40,9 @@ fn switched_on(cycles_per_instruction: u64) -> Board {
     let mut board = F405::load(&f405_image()).expect("the image can be loaded");
     board.set_cycles_per_instruction(cycles_per_instruction);
     let mut session = Session::new(board);
-    // It does not listen before it has started; what is sent then may be lost, and is counted.
-    session.run_for(30 * MS);
+    // It does not listen before it has hashed its image, 40 ms at three cycles per instruction; what is sent
+    // then may be lost, and is counted.
+    session.run_for(60 * MS);
     let hello = session.hello();
     assert_eq!((hello.model, hello.limits), (Model::F405, LIMITS));
     assert_eq!(session.status().state, State::Idle, "right after a cold start");
