@@ -5,7 +5,7 @@
 //! `fault | bound | measured`, the worst of several positions against passes and bytes.
 
 use num_complex::Complex;
-use phasewalk_core::online::SPECKLES;
+use phasewalk_core::online::{LAGS, SPECKLES};
 use phasewalk_firmware::channel::Channel;
 use phasewalk_firmware::compiled::Compiled;
 use phasewalk_firmware::fault::{Fault, ResetCause};
@@ -884,6 +884,11 @@ fn run_away(action: Action) -> (Board, u64) {
     plan.phase_limit = Some(PhaseLimit { milliradians: 1_000, silence: 0, action });
     let mut session = switched_on();
     begin_series(&mut session);
+    // A full window is what takes the solver longest.
+    for _ in 0..LAGS {
+        send_volume(&mut session, runaway(0));
+        session.run_for(SOLVED);
+    }
     let mut session = third_sweep(session, &plan, MIDDLE);
     for number in 0..20 {
         assert!(!session.board.level(PHASE), "not before its time");

@@ -543,7 +543,7 @@ fn the_counter_wraps_during_a_run() {
 #[test]
 fn the_clocks_are_set_to_168_84_and_84_megahertz() {
     let mut session = Session::new(F405::load(&f405_image()).expect("the image loads"));
-    session.run_for(10 * Session::<F405>::MS);
+    session.run_for(20 * Session::<F405>::MS);
     let mut register = |address| u64::from(session.board.register(address));
     let (pll, clocks, flash) =
         (register(0x4002_3804), register(0x4002_3808), register(0x4002_3C00));
