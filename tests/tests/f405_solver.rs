@@ -1,6 +1,7 @@
 //! The on-line solver of the STM32F405 in QEMU: the same bits as on the desktop, what it costs, beside
 //! libm's root and micromath, and the limit that it keeps during a run.
 
+use num_complex::Complex32;
 use phasewalk::io::Shape;
 use phasewalk::trigger::link::BOOT_PATIENCE;
 use phasewalk::trigger::log::RunLog;
@@ -39,6 +40,24 @@ const RHO: f64 = 0.9;
 fn recording() -> Recording {
     let shape = Shape { frames: VOLUMES, depth: 1, height: 8, width: 8 };
     Recording::decorrelating(shape, RHO, 405, |t, _| phase(t))
+}
+
+/// Volume from which the pattern is another one.
+const LOST: usize = 45;
+
+/// The same with two dark volumes, one half of which is chance, and a pattern that is lost for good.
+fn troubled() -> Recording {
+    let mut recording = recording();
+    let mut other = Recording::decorrelating(recording.shape, RHO, 406, |t, _| phase(t));
+    for dark in [20, 21] {
+        recording.image_mut(dark, 0).fill(Complex32::default());
+    }
+    recording.image_mut(30, 0)[..SPECKLES / 2]
+        .copy_from_slice(&other.image_mut(60, 0)[..SPECKLES / 2]);
+    for lost in LOST..VOLUMES {
+        recording.image_mut(lost, 0).copy_from_slice(other.image_mut(lost, 0));
+    }
+    recording
 }
 
 /// What an image says of the series, and what it took.
@@ -163,6 +182,19 @@ fn the_board_finds_the_desktops_bits_and_each_root_and_arc_tangent_has_its_price
         "this is another arithmetic; the first phase is 0 in all"
     );
     assert!(flashed.mean() < libm.mean() && micromath.mean() < libm.mean());
+}
+
+#[test]
+fn dark_volumes_and_a_pattern_that_is_lost_have_the_desktops_bits_too() {
+    let bench = Bench::new();
+    let file = bench.path("F.npy");
+    troubled().save(&file);
+    let solved = solved("f405.elf", &file);
+    println!("stack used, bytes: {}; instructions, most: {:.0}", solved.stack, solved.most());
+    assert_eq!(Comparison::of(&solved.rows).same_bits, VOLUMES);
+    assert!(solved.stack < STACK * 2 / 3, "{}", solved.stack);
+    let sigma = |volume: usize| solved.rows[volume].sigma_rad;
+    assert!(sigma(LOST - 1) < 0.6 && sigma(LOST + 5) > 0.9, "the loss is noticed");
 }
 
 #[test]
