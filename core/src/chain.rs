@@ -21,7 +21,7 @@ pub(crate) fn wrap<T: Scalar>(phase: T) -> T {
 /// Neighbours in the chain at the shortest interval differ by less than pi. Across a longer gap the
 /// phase is predicted by the velocity of the six nearest short intervals, weighted by
 /// 1 / (1 + distance / gap); this chooses the integer only and so costs no precision (the paper's
-/// outlook, line 597). It needs |velocity| * shortest interval < pi and |velocity error| * gap < pi.
+/// outlook, lines 572-584). It needs |velocity| * shortest interval < pi and |velocity error| * gap < pi.
 /// Frames that are merely usable (above 0.3) are taken next to the interpolated chain; of the
 /// others the interpolation itself is left.
 #[inline(always)]

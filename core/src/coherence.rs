@@ -29,6 +29,9 @@ const FASTEST: f64 = 2.5;
 /// Slowest decay over the longest lag.
 const SLOWEST: f64 = 0.3;
 
+/// Halvings of the ratio of two rates: 570 to below 1.0001.
+const HALVINGS: usize = 16;
+
 /// Passes of the non-negative least squares over all unknowns.
 pub const PASSES: usize = 300;
 
@@ -84,12 +87,28 @@ impl<T: Real, const K: usize> Mixture<T, K> {
         T::one() - sum(&self.shares)
     }
 
-    /// Rate at which the moving part decays at first: sum of c_k r_k over sum of c_k, k > 0; per unit of
-    /// time. 0 where nothing moves.
+    /// Rate of the moving part: one over the time after which it has fallen to 1/e, per unit of time. 0 where less
+    /// than a hundredth moves.
     #[must_use]
-    pub fn mean_rate(&self) -> T {
-        let moving = sum(&self.shares) - self.floor();
-        if moving > T::zero() { dot(&self.shares, &self.rates) / moving } else { T::zero() }
+    pub fn decay_rate(&self) -> T {
+        let whole = sum(&self.shares) - self.floor();
+        if whole < T::from_f64(1e-2) {
+            return T::zero();
+        }
+        // The time lies between those of the fastest and of the slowest term.
+        let ends = (self.rates.last(), self.rates.get(1));
+        let (Some(&fast), Some(&slow)) = ends else { return T::zero() };
+        let (mut low, mut high) = (slow, fast);
+        for _ in 0..HALVINGS {
+            let middle = (low * high).sqrt();
+            let left = (self.at(T::one() / middle) - self.floor()) / whole;
+            if left > T::from_f64(core::f64::consts::E.recip()) {
+                high = middle;
+            } else {
+                low = middle;
+            }
+        }
+        (low * high).sqrt()
     }
 
     /// Fit the shares to mean coherences: weighted non-negative least squares, twice, because the
@@ -298,7 +317,7 @@ mod tests {
         mixture.fit(lags(|tau| 0.3 + 0.5 * libm::exp(-0.3 * tau)));
         assert!((mixture.floor() - 0.3).abs() < 0.01, "{mixture:?}");
         assert!((mixture.noise() - 0.2).abs() < 0.02, "{mixture:?}");
-        assert!((mixture.mean_rate() / 0.3 - 1.0).abs() < 0.1, "{mixture:?}");
+        assert!((mixture.decay_rate() / 0.3 - 1.0).abs() < 0.05, "{mixture:?}");
     }
 
     #[test]

@@ -20,11 +20,11 @@
 //! phi(t)
 //! ```
 //! [`batch`] runs the second half for all pairs of a series at once, [`walk`] the whole chain frame
-//! by frame in fixed memory, [`online`] the one walk that the trigger board and the host share; [`baseline`] holds what the method is compared with (lines 410, 421,
+//! by frame in fixed memory; [`baseline`] holds what the method is compared with (lines 410, 421,
 //! 975-984), [`params`] every number the paper gives.
 //!
 //! [`tracker`] is the other frame-by-frame estimator: maximum likelihood with a fitted coherence, as [`linking`] is for a
-//! series.
+//! series. [`online`] is the one tracker that the trigger board and the host share.
 //!
 //! **Sign.** C(t,dt) = U(t) conj U(t+dt), so arg C = phi(t) - phi(t+dt). With U = |U| exp(i phi) and
 //! phi = 2 k n z in reflection, a phase that grows is a path that grows.

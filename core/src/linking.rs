@@ -186,7 +186,9 @@ pub fn link_series<T: Real>(
     };
     let mut link = Link { settings, work, phases: results.phases };
     link.start(&mut model);
-    for _ in 0..REFITS {
+    // Aligned with themselves even random phases seem coherent.
+    let refits = if model.is_coherent() { REFITS } else { 0 };
+    for _ in 0..refits {
         link.align();
         model.fit_aligned(&link.work.aligned);
         link.precision_of(&model);

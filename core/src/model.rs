@@ -36,6 +36,10 @@ impl<T> Buffers<'_, T> {
     }
 }
 
+/// Standard deviations of chance that a mean squared coherence must exceed; a single pair (two frames) does with
+/// a probability of exp(-1 - 4.6) = 0.4 %, as its square is exponentially distributed.
+const CHANCE: f64 = 4.6;
+
 /// Least product of two qualities whose pair counts in a blind fit.
 const LEAST_SHARE: f64 = 0.1;
 
@@ -63,6 +67,7 @@ pub struct Model<'a, T> {
     /// Gamma, 1 on the diagonal.
     pub gamma: Square<'a, T>,
     periodic: bool,
+    coherent: bool,
     /// Rms misfit of the lag means to the mixture, over the shorter half of the lags.
     pub misfit: T,
     looks: f64,
@@ -90,6 +95,7 @@ impl<'a, T: Real> Model<'a, T> {
             quality,
             gamma,
             periodic: false,
+            coherent: false,
             misfit: T::zero(),
             looks,
             lags,
@@ -107,6 +113,12 @@ impl<'a, T: Real> Model<'a, T> {
         &self.lags
     }
 
+    /// Has the first fit found any coherence? Without, all qualities are 0 and Gamma is the unit matrix.
+    #[must_use]
+    pub const fn is_coherent(&self) -> bool {
+        self.coherent
+    }
+
     /// Does it have a periodic part?
     #[must_use]
     pub const fn is_periodic(&self) -> bool {
@@ -120,6 +132,29 @@ impl<'a, T: Real> Model<'a, T> {
         let (expected, medians) = self.dictionary.split_at_mut(n.min(self.dictionary.len()));
         first_quality(square, &self.lags, self.quality, expected, medians);
         self.fit_to_squares(square);
+        self.coherent = self.is_beyond_chance(square);
+        if !self.coherent {
+            self.quality.fill(T::zero());
+            self.fit_to_squares(square);
+        }
+    }
+
+    /// Is there any coherence at all, between neighbours or on the whole? The mean of M debiased squares of frames
+    /// without any has the standard deviation 1 / (L sqrt(M)).
+    fn is_beyond_chance(&self, square: &Square<'_, T>) -> bool {
+        let beyond = |mean: T, pairs: T| {
+            let chance = CHANCE / (self.looks * libm::sqrt(pairs.to_f64().max(1.0)));
+            mean >= T::from_f64(chance)
+        };
+        let value = |i, j| square.at(i, j);
+        let near = self.lags.mean(0, value, |_, _| T::one());
+        let (mut sum, mut pairs) = (T::zero(), T::zero());
+        for group in 0..self.lags.groups() {
+            let lag = self.lags.mean(group, value, |_, _| T::one());
+            sum += lag.mean * lag.pairs;
+            pairs += lag.pairs;
+        }
+        beyond(near.mean, near.pairs) || beyond(sum / pairs.max(T::one()), pairs)
     }
 
     /// Mixture from the lag means of squared coherences, each freed of the qualities of its frames.
@@ -166,6 +201,9 @@ impl<'a, T: Real> Model<'a, T> {
             let x = square.at(i, j);
             if x < T::zero() { -(-x).sqrt() } else { x.sqrt() }
         });
+        if !self.coherent {
+            return;
+        }
         for _ in 0..BLIND_REFITS {
             frame_quality(root, &self.bare, self.looks, self.quality, self.dictionary);
             self.fit_to_squares(square);

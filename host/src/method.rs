@@ -45,6 +45,9 @@ pub struct Plan {
     pub direct_frame: usize,
     /// Acquisition times, one per frame; frame numbers where none are known.
     pub times_s: Vec<f64>,
+    /// Standard deviation of the phase's second derivative, rad per squared unit of time, where it is known
+    /// beforehand (linked curves only).
+    pub acceleration: Option<f64>,
     /// Which depths are combined.
     pub depths: Depths,
 }
@@ -84,7 +87,7 @@ impl Plan {
         }
         let times_s = (0..frames).map(|frame| frame as f64).collect();
         let average = Average::default();
-        Ok(Self { method, average, params, direct_frame, times_s, depths })
+        Ok(Self { method, average, params, direct_frame, times_s, acceleration: None, depths })
     }
 
     /// Number of frames.

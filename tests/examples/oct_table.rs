@@ -14,17 +14,18 @@ fn main() {
         presets = all.map(str::to_owned).to_vec();
     }
     println!(
-        "| preset | seed | a2 / a3, rad | dz dy dx, px | rotation, mrad | IS/OS / tips, px | curve, paper | \
-         curve, phasor | curve, direct | bad missed | good lost | dead missed / false |"
+        "| preset | seed | a2 / a3, rad | dz dy dx, px | rotation, mrad | IS/OS / tips, px | curve, linked | \
+         curve, paper | curve, phasor | curve, direct | bad missed | good lost | dead missed / false |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|");
     for preset in &presets {
         let scores: Vec<Scores> = (1..=seeds).map(|seed| row(preset, seed)).collect();
         let mean = |of: fn(&Scores) -> f64| {
             (scores.iter().map(|s| of(s).powi(2)).sum::<f64>() / scores.len() as f64).sqrt()
         };
         println!(
-            "| {preset} | rms | | | | | {:.3} | {:.3} | {:.3} | | | |",
+            "| {preset} | rms | | | | | {:.3} | {:.3} | {:.3} | {:.3} | | | |",
+            mean(|s| s.linked),
             mean(|s| s.paper),
             mean(|s| s.phasor),
             mean(|s| s.direct)
@@ -43,8 +44,9 @@ fn row(preset: &str, seed: u64) -> Scores {
     let [missed, false_ones] = s.dead_pixels;
     println!(
         "| {preset} | {seed} | {a2:.2} / {a3:.2} | {dz:.3} {dy:.3} {dx:.3} | {:.2} | {isos:.3} / {tips:.3} | \
-         {:.3} | {:.3} | {:.3} | {:?} | {:?} | {missed} / {false_ones} |",
+         {:.3} | {:.3} | {:.3} | {:.3} | {:?} | {:?} | {missed} / {false_ones} |",
         s.rotation * 1e3,
+        s.linked,
         s.paper,
         s.phasor,
         s.direct,

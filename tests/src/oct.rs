@@ -25,6 +25,8 @@ pub struct Scores {
     pub surfaces: [f64; 2],
     /// Curve by the paper's method, rad.
     pub paper: f64,
+    /// Linked curve, rad.
+    pub linked: f64,
     /// Curve by the direct difference, rad.
     pub direct: f64,
     /// The paper's method on unit phasors, rad.
@@ -88,6 +90,7 @@ pub fn compare(bench: &Bench) -> Scores {
         rotation,
         surfaces: ["surface_isos_px", "surface_ost_px"].map(surface),
         paper: curve_error(bench, "--method paper", &used),
+        linked: curve_error(bench, "--method linked", &used),
         direct: curve_error(bench, "--method direct", &used),
         phasor: curve_error(bench, "--method paper --ensemble phasor", &used),
         bad_missed: which(|ok, truly| ok > truly),

@@ -2,7 +2,7 @@
 //! talks to is the firmware itself, its clock tied to the real one.
 
 use num_complex::Complex;
-use phasewalk_core::online::{OnlineWalk, online_walk};
+use phasewalk_core::online::OnlineTracker;
 use phasewalk_firmware::board::{Board, Identity, Inputs, Life, Line, Offer, Outputs, Solve};
 use phasewalk_firmware::channel::{Channel, Edge};
 use phasewalk_firmware::device::Device;
@@ -63,7 +63,7 @@ impl<M: Kind> Default for Bench<M> {
 
 /// The on-line solver with the speckles of a volume so far.
 struct Solver {
-    walk: Box<OnlineWalk<f32>>,
+    tracker: Box<OnlineTracker<f32>>,
     speckles: usize,
     volume: Vec<Complex<f32>>,
 }
@@ -74,8 +74,8 @@ impl Solver {
 
     fn new(speckles: u16, looks: u32) -> Option<Self> {
         let speckles = usize::from(speckles);
-        let walk = online_walk(speckles, f32::from_bits(looks).into()).ok()?;
-        Some(Self { walk: Box::new(walk), speckles, volume: Vec::new() })
+        let tracker = OnlineTracker::new(speckles, f32::from_bits(looks).into()).ok()?;
+        Some(Self { tracker: Box::new(tracker), speckles, volume: Vec::new() })
     }
 
     fn take(&mut self, first: u16, bytes: &[u8]) -> bool {
@@ -95,7 +95,7 @@ impl Solver {
         if self.volume.len() < self.speckles {
             return None;
         }
-        let estimate = self.walk.push(&self.volume);
+        let estimate = self.tracker.push(&self.volume);
         self.volume.clear();
         Some(Estimate {
             volume: estimate.frame as u32,

@@ -5,7 +5,7 @@
 //! `fault | bound | measured`, the worst of several positions against passes and bytes.
 
 use num_complex::Complex;
-use phasewalk_core::online::SPECKLES;
+use phasewalk_core::online::{LAGS, SPECKLES};
 use phasewalk_firmware::channel::Channel;
 use phasewalk_firmware::compiled::Compiled;
 use phasewalk_firmware::fault::{Fault, ResetCause};
@@ -534,7 +534,7 @@ fn the_interlock_opens_while_the_solver_works() {
             send_volume(&mut session, 0.02 * f64::from(number));
             session.run_for(10 * MS);
         }
-        // 16 lags take a millisecond, three take a part of it.
+        // A full window takes three milliseconds, three volumes a part of it.
         send_volume(&mut session, 0.0);
         session.run_for(500 * position);
         assert!(session.board.level(Pin::STIMULUS));
@@ -884,12 +884,17 @@ fn run_away(action: Action) -> (Board, u64) {
     plan.phase_limit = Some(PhaseLimit { milliradians: 1_000, silence: 0, action });
     let mut session = switched_on();
     begin_series(&mut session);
+    // A full window is what takes the solver longest.
+    for _ in 0..LAGS {
+        send_volume(&mut session, runaway(0));
+        session.run_for(SOLVED);
+    }
     let mut session = third_sweep(session, &plan, MIDDLE);
     for number in 0..20 {
         assert!(!session.board.level(PHASE), "not before its time");
         assert!(session.board.level(Pin::STIMULUS));
         let last = send_volume(&mut session, runaway(number));
-        session.run_for(4 * MS);
+        session.run_for(SOLVED);
         if runaway(number) > 1.1 {
             return (session, last);
         }
@@ -897,8 +902,9 @@ fn run_away(action: Action) -> (Board, u64) {
     unreachable!("the phase runs away");
 }
 
-/// A volume is solved in a millisecond of its own; its request and what follows take passes.
-const SOLVED: u64 = REQUEST + 2 * MS + PASS;
+/// A volume is solved in three milliseconds of its own, in six at two cycles per instruction; its request and
+/// what follows take passes.
+const SOLVED: u64 = REQUEST + 10 * MS + PASS;
 
 fn assert_crossed(session: &Board, last: u64) {
     assert!(session.board.level(PHASE));

@@ -1,6 +1,7 @@
 //! The on-line solver of the STM32F405 in QEMU: the same bits as on the desktop, what it costs, beside
 //! libm's root and micromath, and the limit that it keeps during a run.
 
+use num_complex::Complex32;
 use phasewalk::io::Shape;
 use phasewalk::trigger::link::BOOT_PATIENCE;
 use phasewalk::trigger::log::RunLog;
@@ -41,6 +42,24 @@ fn recording() -> Recording {
     Recording::decorrelating(shape, RHO, 405, |t, _| phase(t))
 }
 
+/// Volume from which the pattern is another one.
+const LOST: usize = 45;
+
+/// The same with two dark volumes, one half of which is chance, and a pattern that is lost for good.
+fn troubled() -> Recording {
+    let mut recording = recording();
+    let mut other = Recording::decorrelating(recording.shape, RHO, 406, |t, _| phase(t));
+    for dark in [20, 21] {
+        recording.image_mut(dark, 0).fill(Complex32::default());
+    }
+    recording.image_mut(30, 0)[..SPECKLES / 2]
+        .copy_from_slice(&other.image_mut(60, 0)[..SPECKLES / 2]);
+    for lost in LOST..VOLUMES {
+        recording.image_mut(lost, 0).copy_from_slice(other.image_mut(lost, 0));
+    }
+    recording
+}
+
 /// What an image says of the series, and what it took.
 struct Solved {
     rows: Vec<Row>,
@@ -54,7 +73,7 @@ struct Solved {
 }
 
 impl Solved {
-    /// Mean instructions of a volume that has all lags behind it.
+    /// Mean instructions of a volume that finds a full window.
     fn mean(&self) -> f64 {
         let full = &self.instructions[LAGS..];
         full.iter().sum::<f64>() / full.len() as f64
@@ -110,7 +129,9 @@ fn rms(values: impl Iterator<Item = f64>) -> f64 {
 const IMAGES: [&str; 3] = ["f405.elf", "f405-libm.elf", "f405-micromath.elf"];
 
 fn print_table(solved: &[Solved; 3]) {
-    println!("{VOLUMES} volumes of {SPECKLES} speckles, {LAGS} lags; QEMU's instruction counts");
+    println!(
+        "{VOLUMES} volumes of {SPECKLES} speckles, a window of {LAGS}; QEMU's instruction counts"
+    );
     println!("volumes/s: estimate, {PROCESSOR_HZ:.0} instructions per second at the best");
     println!("| | processor's root | libm | micromath |\n|---|---|---|---|");
     let row = |what: &str, of: &dyn Fn(&Solved) -> String| {
@@ -146,17 +167,34 @@ fn the_board_finds_the_desktops_bits_and_each_root_and_arc_tangent_has_its_price
     for exact in [&flashed, &libm] {
         let compared = Comparison::of(&exact.rows);
         assert_eq!(compared.same_bits, VOLUMES);
-        // f32 has 24 bits; sums of 64 speckles and a network of 17 volumes lose some of them.
-        assert!(compared.largest_rad < 1e-5, "{}", compared.largest_rad);
+        // f32 has 24 bits; 64 speckles, 17 nodes and the fit of the coherence lose some of them.
+        assert!(compared.largest_rad < 1e-4, "{}", compared.largest_rad);
         assert!(exact.error_rad < 1.5 * bound, "{} of {bound}", exact.error_rad);
         // A third of it is kept for what this test does not meet.
         assert!(exact.stack > 1024 && exact.stack < STACK * 2 / 3, "{}", exact.stack);
     }
-    // micromath's arc tangent is good to 2.8e-3 rad, and errors of all lags add up.
+    // micromath's arc tangent is good to 2.8e-3 rad; a phase only begins there, and scoring makes that up.
     let compared = Comparison::of(&micromath.rows);
-    assert!(compared.largest_rad < 2e-2, "{}", compared.largest_rad);
-    assert_eq!(compared.same_bits, 0, "this is another arithmetic");
+    assert!(compared.largest_rad < 1e-3, "{}", compared.largest_rad);
+    assert_eq!(
+        compared.first_other,
+        Some(1),
+        "this is another arithmetic; the first phase is 0 in all"
+    );
     assert!(flashed.mean() < libm.mean() && micromath.mean() < libm.mean());
+}
+
+#[test]
+fn dark_volumes_and_a_pattern_that_is_lost_have_the_desktops_bits_too() {
+    let bench = Bench::new();
+    let file = bench.path("F.npy");
+    troubled().save(&file);
+    let solved = solved("f405.elf", &file);
+    println!("stack used, bytes: {}; instructions, most: {:.0}", solved.stack, solved.most());
+    assert_eq!(Comparison::of(&solved.rows).same_bits, VOLUMES);
+    assert!(solved.stack < STACK * 2 / 3, "{}", solved.stack);
+    let sigma = |volume: usize| solved.rows[volume].sigma_rad;
+    assert!(sigma(LOST - 1) < 0.6 && sigma(LOST + 5) > 0.9, "the loss is noticed");
 }
 
 #[test]

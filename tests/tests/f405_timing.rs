@@ -6,7 +6,7 @@
 //! best there is, two and three are slower than any measured figure of this core.
 
 use num_complex::Complex;
-use phasewalk_core::online::{SPECKLES, online_walk};
+use phasewalk_core::online::{OnlineTracker, SPECKLES};
 use phasewalk_firmware::limits::Limits;
 use phasewalk_firmware::message::{
     Command, Estimate, Event, Model, Reply, SPECKLES_PER_REQUEST, State,
@@ -40,8 +40,9 @@ fn switched_on(cycles_per_instruction: u64) -> Board {
     let mut board = F405::load(&f405_image()).expect("the image can be loaded");
     board.set_cycles_per_instruction(cycles_per_instruction);
     let mut session = Session::new(board);
-    // It does not listen before it has started; what is sent then may be lost, and is counted.
-    session.run_for(30 * MS);
+    // It does not listen before it has hashed its image, 40 ms at three cycles per instruction; what is sent
+    // then may be lost, and is counted.
+    session.run_for(60 * MS);
     let hello = session.hello();
     assert_eq!((hello.model, hello.limits), (Model::F405, LIMITS));
     assert_eq!(session.status().state, State::Idle, "right after a cold start");
@@ -314,10 +315,11 @@ fn solved(session: &Board) -> Vec<Estimate> {
 
 /// Bit for bit what the desktop finds.
 fn assert_the_desktops_bits(told: &[Estimate], sent: &[Vec<Complex<f32>>]) {
-    let mut walk = online_walk::<f32>(SPECKLES, LOOKS.into()).expect("the desktop can solve it");
+    let tracker = OnlineTracker::<f32>::new(SPECKLES, LOOKS.into());
+    let mut tracker = tracker.expect("the desktop can solve it");
     assert_eq!(told.len(), sent.len(), "every volume was solved, and told");
     for (number, (told, volume)) in told.iter().zip(sent).enumerate() {
-        let ours = walk.push(volume);
+        let ours = tracker.push(volume);
         let theirs = (told.volume as usize, told.phase, told.sigma);
         assert_eq!(theirs, (number, ours.phase_rad.to_bits(), ours.sigma_rad.to_bits()));
     }
@@ -541,7 +543,7 @@ fn the_counter_wraps_during_a_run() {
 #[test]
 fn the_clocks_are_set_to_168_84_and_84_megahertz() {
     let mut session = Session::new(F405::load(&f405_image()).expect("the image loads"));
-    session.run_for(10 * Session::<F405>::MS);
+    session.run_for(20 * Session::<F405>::MS);
     let mut register = |address| u64::from(session.board.register(address));
     let (pll, clocks, flash) =
         (register(0x4002_3804), register(0x4002_3808), register(0x4002_3C00));

@@ -234,9 +234,9 @@ fn a_curve_tells_bad_frames_and_its_error() {
     let _ = bench.succeed("phase F.npy --mask M.npy -o C.npy");
     assert!(bench.path("C.quality.npy").is_file());
     let _ = bench.succeed("phase F.npy --gaussian 3 -o P.npy");
-    let (shape, sigmas) = phasewalk_tests::npy::load_f64(&bench.path("P.sigma.npy"));
+    let (shape, sigmas) = phasewalk_tests::npy::load_f32(&bench.path("P.sigma.npy"));
     assert_eq!(shape, [24, 40, 40]);
-    assert!(sigmas[BAD * 1600..(BAD + 1) * 1600].iter().all(|&sigma| sigma == f64::INFINITY));
+    assert!(sigmas[BAD * 1600..(BAD + 1) * 1600].iter().all(|&sigma| sigma == f32::INFINITY));
 }
 
 #[test]

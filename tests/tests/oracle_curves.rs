@@ -153,8 +153,9 @@ fn the_programs_curves_are_the_oracles() {
             for (name, weighting) in
                 [("paper", oracle::Weighting::Paper), ("fisher", oracle::Weighting::Fisher)]
             {
-                let line =
-                    format!("phase F.npy --mask M.npy --max-lag {lags} --weights {name} -o C.csv");
+                let line = format!(
+                    "phase F.npy --method paper --mask M.npy --max-lag {lags} --weights {name} -o C.csv"
+                );
                 if count(&mask) < 12.0 {
                     bench.run(&line).refused(2, &["--mask", "looks"]);
                     continue;
@@ -219,7 +220,7 @@ fn layers_are_compared_as_the_oracle_does() {
             let rows = phase_curve(&recording, &mask, &plan.unwrap(), 40.0);
             check_least_squares(&rows, &pairs, lags, oracle::Weighting::Fisher, 40.0);
             let line = format!(
-                "phase F.npy --mask M.npy --layers {argument} --max-lag {lags} --weights fisher --looks 40 -o C.csv"
+                "phase F.npy --method paper --mask M.npy --layers {argument} --max-lag {lags} --weights fisher --looks 40 -o C.csv"
             );
             let _ = bench.succeed(&line);
             let expected =
@@ -241,7 +242,7 @@ fn one_layer_is_the_sum_over_its_depths() {
         let spectra = [1, 2].map(|z| oracle::cross_spectrum(&layers[z], t, lag));
         spectra[0].iter().zip(&spectra[1]).map(|(a, b)| a + b).collect()
     });
-    let _ = bench.succeed("phase F.npy --mask M.npy --layers 1..2 -o C.csv");
+    let _ = bench.succeed("phase F.npy --method paper --mask M.npy --layers 1..2 -o C.csv");
     let weighting = oracle::Weighting::Paper;
     let expected = oracle::phase_from_pairs(&pairs, FRAMES - 1, weighting, count(&mask)).phase;
     assert_close(&phases(&read_table(&bench, "C.csv")), &expected, ORACLE_RAD);
@@ -257,7 +258,7 @@ fn a_simulated_scene_is_evaluated_as_the_oracle_does() {
     assert_eq!(shape, [FRAMES, 29, 37]);
     let recording = Recording { shape: plane(29, 37), field };
     let (_, mask) = npy::load_mask(&bench.path("F.mask.npy"));
-    let _ = bench.succeed("phase F.npy --mask F.mask.npy -o C.csv");
+    let _ = bench.succeed("phase F.npy --method paper --mask F.mask.npy -o C.csv");
     let weighting = oracle::Weighting::Paper;
     let expected =
         oracle::paper_phase_curve(&recording.layer(0), &mask, FRAMES - 1, weighting, None);
@@ -272,7 +273,7 @@ fn unusable_pixels_are_left_out_of_the_mask_and_counted() {
     recording.fill_pixel(90, Default::default());
     let bench = Bench::new();
     save(&bench, &recording, &[true; 128]);
-    let summary = bench.summary("phase F.npy --mask M.npy -o C.csv");
+    let summary = bench.summary("phase F.npy --method paper --mask M.npy -o C.csv");
     assert_eq!((&summary["pixels"], &summary["pixels_left_out"]), (&125.into(), &3.into()));
     assert_eq!(summary["pixels_not_finite"], 2);
     assert_eq!(summary["pixels_dark"], 1);

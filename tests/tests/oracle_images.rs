@@ -362,7 +362,7 @@ fn unusable_pixels_are_nan_and_dark_to_their_neighbours() {
 fn the_program_counts_unusable_pixels() {
     let bench = Bench::new();
     damaged().save(&bench.path("F.npy"));
-    let summary = bench.summary("phase F.npy --gaussian 1.5 -o P.npy");
+    let summary = bench.summary("phase F.npy --method paper --gaussian 1.5 -o P.npy");
     assert_eq!(summary["pixels_not_finite"], 2);
     assert_eq!(summary["pixels_dark"], 1);
     check_damaged(&npy::load_f32(&bench.path("P.npy")).1);
@@ -399,8 +399,10 @@ fn the_programs_images_are_the_oracles() {
         case.recording.save(&bench.path("F.npy"));
         let layers = if case.name == "layers" { "--layers 0..1,3..3" } else { "" };
         for lags in [1, 5, FRAMES - 1] {
-            let common =
-                format!("phase F.npy --gaussian {} {layers} --max-lag {lags}", case.sigma_px);
+            let common = format!(
+                "phase F.npy --method paper --gaussian {} {layers} --max-lag {lags}",
+                case.sigma_px
+            );
             let nominal = oracle::gaussian_looks(case.sigma_px);
             let expected =
                 oracle::images_from_pairs(&case.pairs, lags, oracle::Weighting::Paper, nominal);
@@ -451,7 +453,7 @@ fn little_memory_changes_no_byte_of_the_programs_images() {
     let strips = |ran: phasewalk_tests::program::Ran| {
         ran.stdout.split_whitespace().next().unwrap().parse::<usize>().unwrap()
     };
-    let line = "phase F.npy --gaussian 1.5 --sigma";
+    let line = "phase F.npy --method paper --gaussian 1.5 --sigma";
     let whole = strips(bench.succeed(&format!("{line} --threads 2 -o A.npy")));
     let many = strips(bench.succeed(&format!("{line} --threads 1 --memory 2 -o B.npy")));
     assert!(many > whole, "{many} strips against {whole}");

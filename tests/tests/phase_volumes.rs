@@ -101,9 +101,9 @@ fn solved(pairs: &Pairs, looks: f64) -> Vec<f64> {
 fn the_layers_are_the_groups_and_elongation_is_positive() {
     let volumes = volumes();
     let bench = bench(&volumes);
-    let summary = bench.summary("phase V.zarr --mask M.npy -o C.csv");
+    let summary = bench.summary("phase V.zarr --method paper --mask M.npy -o C.csv");
     assert_eq!(summary["layers"], "3..4,1..1");
-    let _ = bench.succeed("phase V.zarr --mask M.npy --layers 3..4,1..1 -o D.csv");
+    let _ = bench.succeed("phase V.zarr --method paper --mask M.npy --layers 3..4,1..1 -o D.csv");
     assert_eq!(fs::read(bench.path("C.csv")).unwrap(), fs::read(bench.path("D.csv")).unwrap());
     let (layers, mask) = (volumes.recording.layers(), mask_of(|x| x < EDGE));
     let pairs = oracle::mask_mean_of(FRAMES, &mask, |t, lag| spectrum(&layers, t, lag));
@@ -158,7 +158,7 @@ fn bad_sweeps_are_left_out_and_say_nan() {
         assert_eq!((&summary["frames_left_out"], &summary["pixels"]), (&json!(BAD), &308.into()));
         let _ = bench.succeed(&format!("phase W.zarr {line} -o W.csv"));
         let (header, all) = bench.table("V.csv");
-        assert_eq!(header, "frame,time_s,phase_rad,sigma_rad,opl_nm,sigma_nm");
+        assert_eq!(header, "frame,time_s,phase_rad,sigma_rad,opl_nm,sigma_nm,quality");
         assert_eq!(all.len(), FRAMES);
         let times = volumes.times_s.as_ref().unwrap();
         assert!(
@@ -223,7 +223,7 @@ fn frames_without_numbers_are_left_out_unasked() {
         (&1.into(), &1.into())
     );
     let (header, rows) = bench.table("C.csv");
-    assert_eq!(header, "frame,time_s,phase_rad,sigma_rad", "no wavelength, no length");
+    assert_eq!(header, "frame,time_s,phase_rad,sigma_rad,quality", "no wavelength, no length");
     assert_eq!((rows[5][1], rows[6][1]), (5.0, 6.0), "the other frames keep their numbers");
     assert!(rows[5][2].is_nan() && rows[6][2].is_finite());
 }
@@ -351,7 +351,7 @@ fn path_lengths_stand_beside_the_phase() {
         bench.succeed("phase V.npy --mask M.npy --layers 3..4,1..1 --wavelength-nm 841 -o C.csv");
     for (name, wavelength) in [("A.csv", WAVELENGTH_NM), ("B.csv", 500.0), ("C.csv", 841.0)] {
         let (header, rows) = bench.table(name);
-        assert_eq!(header, "frame,time_s,phase_rad,sigma_rad,opl_nm,sigma_nm");
+        assert_eq!(header, "frame,time_s,phase_rad,sigma_rad,opl_nm,sigma_nm,quality");
         for row in rows {
             for (radians, nanometres) in [(row[2], row[4]), (row[3], row[5])] {
                 let expected = radians * wavelength / (4.0 * PI);
@@ -395,7 +395,8 @@ fn phasors_are_averaged_in_curves() {
     let (layers, mask) = (volumes.recording.layers(), mask_of(|x| x < EDGE));
     let pairs = oracle::mask_mean_of(FRAMES, &mask, |t, lag| phasors(&layers, t, lag));
     let curve = |rest: &str| {
-        let _ = bench.succeed(&format!("phase V.zarr --mask M.npy {rest} -o C.csv"));
+        let method = if rest.contains("--method") { "" } else { "--method paper" };
+        let _ = bench.succeed(&format!("phase V.zarr --mask M.npy {method} {rest} -o C.csv"));
         column(&bench, "C.csv", 2)
     };
     let phasor = curve("--ensemble phasor");
@@ -405,7 +406,7 @@ fn phasors_are_averaged_in_curves() {
     assert!(field.iter().zip(&phasor).any(|(a, b)| (a - b).abs() > 10.0 * ORACLE_RAD));
     // Weights stay: those of Fisher use the coherence of C.
     let sigma = |rest: &str| {
-        let _ = bench.succeed(&format!("phase V.zarr --mask M.npy {rest} -o C.csv"));
+        let _ = bench.succeed(&format!("phase V.zarr --method paper --mask M.npy {rest} -o C.csv"));
         column(&bench, "C.csv", 3)
     };
     assert_eq!(sigma("--weights fisher"), sigma("--weights fisher --ensemble phasor"));
@@ -434,7 +435,8 @@ fn phasors_are_averaged_in_images() {
         oracle::gaussian_mean_of(FRAMES, HEIGHT, WIDTH, 2.0, |t, lag| phasors(&layers, t, lag));
     let looks = oracle::gaussian_looks(2.0);
     let expected = oracle::images_from_pairs(&pairs, FRAMES - 1, oracle::Weighting::Paper, looks);
-    let line = "phase V.zarr --gaussian 2 --precision f64 --ensemble phasor -o P.npy";
+    let line =
+        "phase V.zarr --method paper --gaussian 2 --precision f64 --ensemble phasor -o P.npy";
     let _ = bench.succeed(line);
     let (_, images) = npy::load_f32(&bench.path("P.npy"));
     let mut compared = 0;
@@ -483,7 +485,7 @@ fn a_curve_is_drawn_with_the_direct_difference_beside_it() {
     assert_counts(
         &svg,
         &[
-            ("extended Knox\u{2013}Thompson", 1),
+            ("linked phases", 1),
             ("direct difference", 1),
             ("stimulus", 1),
             ("time / s", 1),
@@ -507,7 +509,7 @@ fn images_are_drawn_as_the_papers_figure_has_them() {
     let svg = fs::read_to_string(bench.path("F.svg")).unwrap();
     // Seven columns of three rows, and the colour bar.
     assert_counts(&svg, &[("<image", 22), (">20 \u{b5}m<", 21), (">t = 0.0 s<", 1), (">u<", 1)]);
-    for name in ["extended Knox\u{2013}Thompson", "direct difference", "speckle amplitude"] {
+    for name in ["linked phases", "direct difference", "speckle amplitude"] {
         assert_counts(&svg, &[(&format!(">{name}<"), 1)]);
     }
 
@@ -570,7 +572,8 @@ fn the_summary_says_how() {
     let mut volumes = volumes();
     volumes.lose(&[3]);
     let bench = bench(&volumes);
-    let summary = bench.summary("phase V.zarr --gaussian 2 --ensemble phasor -o P.zarr");
+    let summary =
+        bench.summary("phase V.zarr --method paper --gaussian 2 --ensemble phasor -o P.zarr");
     let expected = [
         ("ensemble", json!("phasor")),
         ("layers", json!("3..4,1..1")),

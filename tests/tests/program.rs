@@ -54,12 +54,12 @@ fn from_scene_to_curve_and_images() {
     let _ = bench.succeed("phase F.npy --mask F.mask.npy -o C.csv");
     let table = fs::read_to_string(bench.path("C.csv")).unwrap();
     let mut lines = table.lines();
-    assert_eq!(lines.next(), Some("frame,time_s,phase_rad,sigma_rad"));
+    assert_eq!(lines.next(), Some("frame,time_s,phase_rad,sigma_rad,quality"));
     for (t, line) in lines.clone().enumerate() {
         let fields: Vec<&str> = line.split(',').collect();
         assert_eq!(&fields[..2], [t.to_string(), format!("{t}.0")]);
         assert!(fields[2..].iter().all(|text| text.parse::<f64>().unwrap().is_finite()), "{line}");
-        assert_eq!(fields.len(), 4);
+        assert_eq!(fields.len(), 5);
     }
     assert_eq!(lines.count(), 12);
 
@@ -75,6 +75,7 @@ fn from_scene_to_curve_and_images() {
     let expected = [
         "C.csv",
         "C.npy",
+        "C.quality.npy",
         "C.sigma.npy",
         "C.zarr",
         "F.mask.npy",
@@ -118,7 +119,7 @@ fn zarr_in_is_npy_in() {
 #[test]
 fn the_summary_is_one_line_of_json() {
     let bench = bench();
-    let summary = bench.summary("phase F.npy --mask M.npy -o C.csv");
+    let summary = bench.summary("phase F.npy --method paper --mask M.npy -o C.csv");
     assert_eq!(summary["files"], Value::from(vec!["C.csv"]));
     assert_eq!((&summary["method"], &summary["max_lag"]), (&"paper".into(), &11.into()));
     assert_eq!(summary["pixels"], HEIGHT * WIDTH);
@@ -196,7 +197,9 @@ fn pixels_that_cannot_be_used_do_not_end_the_run() {
 fn an_earlier_result_survives_a_failed_run() {
     let bench = bench();
     fs::write(bench.path("C.csv"), "earlier").unwrap();
-    bench.run("phase F.npy --mask M.npy --max-lag 99 -o C.csv").refused(2, &["--max-lag"]);
+    bench
+        .run("phase F.npy --method paper --mask M.npy --max-lag 99 -o C.csv")
+        .refused(2, &["--max-lag"]);
     assert_eq!(fs::read_to_string(bench.path("C.csv")).unwrap(), "earlier");
 }
 
@@ -294,9 +297,9 @@ fn parameters_out_of_range_are_refused() {
         ("F.npy --gaussian inf -o P.npy", "--gaussian"),
         ("F.npy --gaussian 14 -o P.npy", "as wide as the image"),
         ("F.npy --gaussian 1e300 -o P.npy", "as wide as the image"),
-        ("F.npy --mask M.npy --max-lag 0 -o C.csv", "--max-lag 0"),
-        ("F.npy --mask M.npy --max-lag 12 -o C.csv", "--max-lag 12"),
-        ("F.npy --gaussian 1 --max-lag 12 -o P.npy", "--max-lag 12"),
+        ("F.npy --method paper --mask M.npy --max-lag 0 -o C.csv", "--max-lag 0"),
+        ("F.npy --method paper --mask M.npy --max-lag 12 -o C.csv", "--max-lag 12"),
+        ("F.npy --method paper --gaussian 1 --max-lag 12 -o P.npy", "--max-lag 12"),
         (
             "F.npy --mask M.npy --method direct --reference-frame 12 -o C.csv",
             "--reference-frame 12",
@@ -346,8 +349,8 @@ fn words_that_cannot_be_understood_are_refused_in_one_line() {
         ("phase F.npy --mask M.npy", "--output"),
         ("phase --mask M.npy -o C.csv", "SERIES"),
         ("phase V.npy --mask M.npy --layers upper -o C.csv", "upper"),
-        ("phase F.npy --mask M.npy --max-lag -1 -o C.csv", "-1"),
-        ("phase F.npy --mask M.npy --max-lag many -o C.csv", "many"),
+        ("phase F.npy --method paper --mask M.npy --max-lag -1 -o C.csv", "-1"),
+        ("phase F.npy --method paper --mask M.npy --max-lag many -o C.csv", "many"),
         ("phase F.npy --gaussian wide -o P.npy", "wide"),
         ("phase F.npy --mask M.npy --method best -o C.csv", "best"),
         ("phase F.npy --mask M.npy --looks 0 -o C.csv", "looks"),

@@ -147,7 +147,7 @@ fn what_cannot_be_solved_is_refused() {
     for (more, status, words) in [
         ("", 1, &["100 speckles", "64", "--pick"][..]),
         ("--mask M.npy --pick 51", 1, &["51", "50 usable"]),
-        ("--mask M.npy --pick 11", 2, &["looks = 11", "12"]),
+        ("--mask M.npy --pick 8", 2, &["looks = 8", "9"]),
         ("--mask M.npy --looks 51", 2, &["looks = 51", "speckles"]),
         ("--mask M.npy -o C.npy", 2, &["C.npy", ".csv"]),
         ("--mask M.npy --depth 1", 2, &["--depth 1", "0 to 0"]),
@@ -194,10 +194,7 @@ fn every_volume_of_a_run_is_solved() {
     assert!(words.contains("on-line phase: 24 volumes, last 4."), "{words}");
     assert!(words.contains("50 speckles"), "{words}");
     let facts = bench.summary("trigger log R.ndjson");
-    assert_eq!(
-        (&facts["phases"][0]["sigma_rad"], &facts["crossed"]),
-        (&"inf".into(), &Value::Null)
-    );
+    assert_eq!((&facts["phases"][0]["sigma_rad"], &facts["crossed"]), (&0.0.into(), &Value::Null));
 }
 
 #[test]
@@ -317,13 +314,13 @@ fn the_boards_solver_is_the_cores() {
     use phasewalk_firmware::board::Solve;
     let mut board = Board::<AsF405>::default();
     assert!(!board.samples(0, &[0; 8]), "no series");
-    assert!(!board.begin_series(11, 11.0_f32.to_bits()), "too few");
-    assert!(board.begin_series(12, 12.0_f32.to_bits()));
+    assert!(!board.begin_series(8, 8.0_f32.to_bits()), "too few");
+    assert!(board.begin_series(9, 9.0_f32.to_bits()));
     let speckle = Complex::new(1.0_f32, 0.0);
     let bytes: Vec<u8> = [speckle.re, speckle.im].map(f32::to_le_bytes).concat();
     assert!(!board.samples(1, &bytes) && board.samples(0, &bytes) && !board.samples(0, &bytes));
     assert_eq!(board.solved(), None);
-    assert!(board.samples(1, &bytes.repeat(11)));
+    assert!(board.samples(1, &bytes.repeat(8)));
     assert!(board.solved().is_some_and(|estimate| estimate.volume == 0));
 }
 

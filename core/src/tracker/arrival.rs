@@ -27,7 +27,7 @@ impl<T: Real, const NODES: usize> Tracker<T, NODES> {
         let [before @ .., node] = window else { return };
         let phase = start::first_phase(sum, start::predict(before, node.time));
         if let Some(node) = self.nodes.all_mut().last_mut() {
-            node.phase = phase;
+            node.set_phase(phase);
         }
         self.judge(newest);
     }
@@ -98,7 +98,7 @@ impl<T: Real, const NODES: usize> Tracker<T, NODES> {
             let (steps, of_newest) = self.filter.step(&gamma, &self.nodes.aligned());
             variance = of_newest;
             for (node, &step) in self.nodes.all_mut().iter_mut().zip(&steps) {
-                node.phase += step;
+                node.set_phase(node.phase() + step);
             }
         }
         variance

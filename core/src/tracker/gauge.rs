@@ -28,7 +28,7 @@ impl<T: Real, const NODES: usize> Tracker<T, NODES> {
             let (shares, mean) = self.reference_mean();
             self.referred = self.nodes.all().iter().any(|node| node.quality > T::from_f64(USABLE));
             for node in self.nodes.all_mut() {
-                node.phase = node.phase - mean;
+                node.set_phase(node.phase() - mean);
             }
             self.filter.hold_mean(&shares, T::from_f64(HOLD), T::zero());
         }
@@ -50,7 +50,7 @@ impl<T: Real, const NODES: usize> Tracker<T, NODES> {
         let mut mean = T::zero();
         for (share, node) in shares.iter_mut().zip(self.nodes.all()) {
             *share = *share * scale;
-            mean += *share * node.phase;
+            mean += *share * node.phase();
         }
         (shares, mean)
     }

@@ -45,12 +45,12 @@ impl<T: Real, const NODES: usize> Tracker<T, NODES> {
         self.filter.tie(first, known, T::from_f64(strength));
         let phase = start::predict(before, one.time);
         let turn = self.nodes.aligned().suggestion(newest, first);
-        let step = turn.im.atan2(turn.re) - one.phase;
+        let step = turn.im.atan2(turn.re) - one.phase();
         for (i, node) in self.nodes.all_mut().iter_mut().enumerate() {
             node.lost = i < first;
             if i >= first {
                 node.quality = T::one();
-                node.phase = if i == first { phase } else { phase + wrap(step) };
+                node.set_phase(if i == first { phase } else { phase + wrap(step) });
             }
         }
         self.anchor.forget();

@@ -153,10 +153,16 @@ struct Decays<T, const N: usize> {
 impl<T: Real, const N: usize> Decays<T, N> {
     fn between(mixture: &Mixture<T, DECAYS>, frames: &[Node<T>]) -> Self {
         let mut steps = Vec::new();
+        // Most intervals are like the one before: no new exponentials.
+        let mut last = (f64::NAN, [T::zero(); DECAYS]);
         for pair in frames.windows(2) {
             let &[before, after] = pair else { break };
+            let interval = after.time - before.time;
+            if interval != last.0 {
+                last = (interval, mixture.decays(T::from_f64(interval)));
+            }
             // Cannot fail: there are fewer intervals than nodes.
-            let _ = steps.push(mixture.decays(T::from_f64(after.time - before.time)));
+            let _ = steps.push(last.1);
         }
         Self { steps }
     }

@@ -46,7 +46,7 @@ mod nodes;
 mod settings;
 mod start;
 #[cfg(test)]
-mod testing;
+pub(crate) mod testing;
 
 pub use fields::FieldTracker;
 pub use memory::DECAYS;
@@ -60,7 +60,7 @@ use crate::storage::Matrix;
 use anchor::Anchor;
 use filter::Filter;
 use memory::Memory;
-use nodes::{Nodes, conjugate};
+use nodes::{Node, Nodes, conjugate};
 use num_complex::Complex;
 
 /// Nodes of a tracker with the window of 16 frames that the method was tried with.
@@ -126,7 +126,7 @@ impl<T: Copy> Absorb<T> {
 /// window, oldest first. For each frame call [`Self::absorb`], do with the fields as it says, then
 /// [`Self::push`].
 ///
-/// Memory: 3 NODES^2 + 3 NODES + 119 numbers, and a time and a flag per node: 4.6 kB in `f32` at B = 16. A frame
+/// Memory: 3 NODES^2 + 5 NODES + 119 numbers, and a time and a flag per node: 4.7 kB in `f32` at B = 16. A frame
 /// needs two more matrices, 2 NODES^2 numbers, and some rows on the stack.
 #[derive(Clone, Debug)]
 pub struct Tracker<T, const NODES: usize> {
@@ -229,10 +229,10 @@ impl<T: Real, const NODES: usize> Tracker<T, NODES> {
         time: f64,
     ) -> (Complex<T>, Complex<T>) {
         let memory = T::from_f64(self.settings.anchor_memory);
-        let phase = self.nodes.all().first().map_or(T::zero(), |anchor| anchor.phase);
+        let anchor = self.nodes.all().first().map_or(unit(T::zero()), Node::unit);
         let kept = if self.anchor.take_stale() { T::zero() } else { memory };
         let times = |z: Complex<T>, by: T| Complex { re: z.re * by, im: z.im * by };
-        let anchor_factor = times(conjugate(unit(phase)), kept);
+        let anchor_factor = times(conjugate(anchor), kept);
         let oldest_factor = times(factor, weight);
         self.nodes.join_anchor(anchor_factor, oldest_factor);
         let beta = self.anchor.join(&self.memory.mixture, memory, weight, time);
@@ -307,7 +307,7 @@ impl<T: Real, const NODES: usize> Tracker<T, NODES> {
         let unknown = T::from_f64(f64::INFINITY);
         let sigma_rad = if self.referred { variance.max(T::zero()).sqrt() } else { unknown };
         let node = self.nodes.all().get(i);
-        let (phase_rad, quality) = node.map_or((T::zero(), T::zero()), |n| (n.phase, n.quality));
+        let (phase_rad, quality) = node.map_or((T::zero(), T::zero()), |n| (n.phase(), n.quality));
         Estimate { frame, phase_rad, sigma_rad, quality }
     }
 

@@ -15,7 +15,9 @@ const LARGEST_POWER: f64 = 1e12;
 pub(super) struct Node<T> {
     pub(super) time: f64,
     /// phi, rad.
-    pub(super) phase: T,
+    phase: T,
+    /// exp(i phi), kept because it costs much on a processor without `f64`.
+    unit: Complex<T>,
     /// As it was judged, 0..=1.
     pub(super) quality: T,
     /// Has the coherence been lost since?
@@ -23,6 +25,26 @@ pub(super) struct Node<T> {
 }
 
 impl<T: Real> Node<T> {
+    /// At the phase 0.
+    pub(super) fn new(time: f64, quality: T) -> Self {
+        let (phase, unit) = (T::zero(), Complex { re: T::one(), im: T::zero() });
+        Self { time, phase, unit, quality, lost: false }
+    }
+
+    pub(super) fn phase(&self) -> T {
+        self.phase
+    }
+
+    /// exp(i phi).
+    pub(super) fn unit(&self) -> Complex<T> {
+        self.unit
+    }
+
+    pub(super) fn set_phase(&mut self, phase: T) {
+        let (im, re) = phase.sin_cos();
+        (self.phase, self.unit) = (phase, Complex { re, im });
+    }
+
     /// s: what later frames may have in common with it, 0..=1.
     pub(super) fn weight(&self) -> T {
         if self.lost { T::zero() } else { self.quality }
@@ -117,7 +139,7 @@ impl<T: Real, const N: usize> Nodes<T, N> {
         self.cross.set(n, n, Complex { re: power, im: T::zero() });
         let quality = if lit { T::one() } else { T::zero() };
         // Cannot fail: the tracker makes room first.
-        let _ = self.list.push(Node { time, phase: T::zero(), quality, lost: false });
+        let _ = self.list.push(Node::new(time, quality));
     }
 
     /// Delete node k.
@@ -153,7 +175,7 @@ impl<T: Real, const N: usize> Nodes<T, N> {
 
     fn level_anchor(&mut self) {
         if let Some(anchor) = self.list.first_mut() {
-            anchor.phase = T::zero();
+            anchor.set_phase(T::zero());
         }
     }
 
@@ -161,26 +183,24 @@ impl<T: Real, const N: usize> Nodes<T, N> {
     pub(super) fn aligned(&self) -> Aligned<'_, T, N> {
         let mut phasors = [zero(); N];
         for (i, (place, node)) in phasors.iter_mut().zip(&self.list).enumerate() {
-            *place = self.phasor(i, node.phase);
+            let amplitude = self.amplitude(i);
+            *place = Complex { re: node.unit.re * amplitude, im: node.unit.im * amplitude };
         }
         Aligned { cross: &self.cross, phasors }
     }
 
-    /// exp(i phase) / sqrt(power of node i).
-    fn phasor(&self, i: usize, phase: T) -> Complex<T> {
+    /// 1 / sqrt(power of node i); 0 for dark ones.
+    fn amplitude(&self, i: usize) -> T {
         let power = self.cross.at(i, i).re;
-        let lit = power > T::from_f64(1e-30);
-        let amplitude = if lit { power.inverse_sqrt() } else { T::zero() };
-        let (im, re) = phase.sin_cos();
-        Complex { re: re * amplitude, im: im * amplitude }
+        if power > T::from_f64(1e-30) { power.inverse_sqrt() } else { T::zero() }
     }
 
     /// |gamma_ij|^2.
     pub(super) fn coherence_squared(&self, i: usize, j: usize) -> T {
         let c = self.cross.at(i, j);
-        let scaled = turn(c, self.phasor(i, T::zero()));
-        let scaled = turn(scaled, self.phasor(j, T::zero()));
-        scaled.re * scaled.re + scaled.im * scaled.im
+        let (one, other) = (self.amplitude(i), self.amplitude(j));
+        let (re, im) = (c.re * one * other, c.im * one * other);
+        re * re + im * im
     }
 }
 

@@ -25,18 +25,19 @@ pub(super) fn first_phase<T: Real>(sum: Complex<T>, predicted: T) -> T {
 /// The phase of the last sound frame; over gaps longer than the shortest interval, plus the velocity of the
 /// newest short intervals.
 ///
-/// It chooses the integer only, and so costs no precision (paper line 597).
+/// It chooses the integer only, and so costs no precision (paper lines 572-584).
 pub(super) fn predict<T: Real>(window: &[Node<T>], time: f64) -> T {
     let sound = || window.iter().filter(|node| is_sound(node));
     let Some(last) = window.get(predicts(window)) else { return T::zero() };
-    let steps = || sound().zip(sound().skip(1)).map(|(a, b)| (b.time - a.time, b.phase - a.phase));
+    let steps =
+        || sound().zip(sound().skip(1)).map(|(a, b)| (b.time - a.time, b.phase() - a.phase()));
     let shortest = steps().fold(f64::INFINITY, |least, (interval, _)| least.min(interval));
     let gap = time - last.time;
     // False without any interval: the shortest is infinite then.
     if gap > shortest * SHORT {
-        last.phase + velocity(steps, shortest) * T::from_f64(gap)
+        last.phase() + velocity(steps, shortest) * T::from_f64(gap)
     } else {
-        last.phase
+        last.phase()
     }
 }
 
@@ -66,14 +67,16 @@ mod tests {
     use super::*;
 
     fn frame(time: f64, phase: f64, quality: f64) -> Node<f64> {
-        Node { time, phase, quality, lost: false }
+        let mut node = Node::new(time, quality);
+        node.set_phase(phase);
+        node
     }
 
     #[test]
     fn gaps_are_bridged_by_the_newest_velocity() {
         let mut window: [_; 9] = core::array::from_fn(|i| frame(i as f64, 0.0, 1.0));
         for (i, node) in window.iter_mut().enumerate().skip(4) {
-            node.phase = 0.5 * (i - 4) as f64;
+            node.set_phase(0.5 * (i - 4) as f64);
         }
         assert_eq!(predict(&window, 9.0), 2.0);
         assert_eq!(predict(&window, 12.0), 4.0);

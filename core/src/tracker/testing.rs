@@ -4,14 +4,14 @@ use crate::scalar::Real;
 use num_complex::Complex;
 
 /// Circular Gaussian speckle of `P` independent pixels that falls apart by a factor `rho` per frame.
-pub(super) struct Speckle<const P: usize> {
+pub(crate) struct Speckle<const P: usize> {
     state: u64,
     rho: f64,
     pattern: [Complex<f64>; P],
 }
 
 impl<const P: usize> Speckle<P> {
-    pub(super) fn new(seed: u64, rho: f64) -> Self {
+    pub(crate) fn new(seed: u64, rho: f64) -> Self {
         let zero = Complex::new(0.0, 0.0);
         let state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) + 1;
         let mut speckle = Self { state, rho, pattern: [zero; P] };
@@ -20,7 +20,7 @@ impl<const P: usize> Speckle<P> {
     }
 
     /// The next pattern, turned by `phase`, and additive noise of the power `noise`.
-    pub(super) fn frame<T: Real>(&mut self, phase: f64, noise: f64) -> [Complex<T>; P] {
+    pub(crate) fn frame<T: Real>(&mut self, phase: f64, noise: f64) -> [Complex<T>; P] {
         let fresh = self.noise();
         let (old, new) = (self.rho, libm::sqrt(1.0 - self.rho * self.rho));
         for (u, fresh) in self.pattern.iter_mut().zip(fresh) {
@@ -34,7 +34,7 @@ impl<const P: usize> Speckle<P> {
     }
 
     /// A pattern that has nothing to do with the one before.
-    pub(super) fn replace(&mut self) {
+    pub(crate) fn replace(&mut self) {
         self.pattern = self.noise();
     }
 

@@ -4,7 +4,7 @@ mod oct;
 
 use super::{Common, fraction, list, megabytes, print};
 use crate::error::Result;
-use crate::io::{Attributes, FieldLayout, FieldWriter, Truth};
+use crate::io::{Attributes, FieldLayout, FieldWriter, Truth, read_times};
 use crate::progress::Progress;
 use crate::simulate::SpeckleScene;
 use serde_json::json;
@@ -43,6 +43,13 @@ pub(super) struct Speckle {
     /// Aperture: cut-off in cycles per wavelength
     #[arg(long, value_name = "CYCLES", default_value_t = 0.06, allow_negative_numbers = true)]
     na: f64,
+    /// When the frames are taken, in the intervals that --sigma is given for: .npy or a text file with a
+    /// number per line
+    #[arg(long, value_name = "FILE", conflicts_with = "burst")]
+    times: Option<PathBuf>,
+    /// Bursts of N frames an interval apart, GAP intervals from the last frame of one to the first of the next
+    #[arg(long, value_name = "N,GAP", value_parser = burst, allow_negative_numbers = true)]
+    burst: Option<Burst>,
     /// Seed of the random numbers
     #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
     seed: u64,
@@ -51,9 +58,38 @@ pub(super) struct Speckle {
     output: PathBuf,
 }
 
+/// Frames in bursts.
+#[derive(Clone, Copy, Debug)]
+struct Burst {
+    frames: usize,
+    gap: f64,
+}
+
+impl Burst {
+    fn time(self, frame: usize) -> f64 {
+        let Self { frames, gap } = self;
+        (frame / frames) as f64 * (gap + (frames - 1) as f64) + (frame % frames) as f64
+    }
+}
+
+fn burst(text: &str) -> std::result::Result<Burst, String> {
+    let explain = || format!("'{text}' is not N,GAP: frames above 0, and intervals of at least 1");
+    let (frames, gap) = text.split_once(',').ok_or_else(explain)?;
+    let frames = frames.trim().parse().ok().filter(|&frames| frames > 0).ok_or_else(explain)?;
+    let gap = gap.trim().parse().ok().filter(|&gap: &f64| gap >= 1.0 && gap.is_finite());
+    Ok(Burst { frames, gap: gap.ok_or_else(explain)? })
+}
+
 impl Speckle {
-    fn scene(&self) -> SpeckleScene {
-        SpeckleScene {
+    fn scene(&self) -> Result<SpeckleScene> {
+        let burst = self.burst;
+        let bursts = burst.map(|burst| (0..self.frames).map(|frame| burst.time(frame)).collect());
+        let times = match &self.times {
+            Some(path) => Some(read_times(path, self.frames)?),
+            None => bursts,
+        };
+        Ok(SpeckleScene {
+            times,
             width: self.width,
             height: self.height,
             frames: self.frames,
@@ -62,7 +98,7 @@ impl Speckle {
             aperture_cycles_per_wavelength: self.na,
             seed: self.seed,
             ..SpeckleScene::default()
-        }
+        })
     }
 }
 
@@ -74,7 +110,7 @@ pub(super) fn run(scenes: &Scenes, common: &Common) -> Result<()> {
 }
 
 fn speckle(options: &Speckle, common: &Common) -> Result<()> {
-    let scene = options.scene();
+    let scene = options.scene()?;
     scene.validate()?;
     let start = Instant::now();
     let memory = scene.memory_bytes(common.threads());
@@ -94,7 +130,7 @@ fn speckle(options: &Speckle, common: &Common) -> Result<()> {
         height: scene.height,
         width: scene.width,
         attributes: attributes(&scene),
-        times_s: None,
+        times_s: scene.times.clone(),
     };
     let truth = Truth { mask: &mask, phase_rad: &phase_rad };
     let mut writer = FieldWriter::create(&options.output, layout, truth)?;

@@ -90,8 +90,11 @@ pub(crate) fn link(cross: &mut [Complex64], plan: &Plan, looks: f64) -> Result<L
         quality: &mut quality,
         gamma: &mut gamma,
     };
-    let settings =
-        Settings { looks, reference_frames: plan.params.reference_frames, acceleration: None };
+    let settings = Settings {
+        looks,
+        reference_frames: plan.params.reference_frames,
+        acceleration: plan.acceleration,
+    };
     let summary = link_series(cross, &plan.times_s, &settings, buffers, results);
     let row = |frame: usize| CurveRow {
         frame,

@@ -10,7 +10,7 @@ use std::sync::atomic::AtomicUsize;
 /// One thread: strips, numbered by the counter, until there are none left.
 pub(super) fn strips(run: &Run<'_>, next: &AtomicUsize) -> Result<()> {
     if run.job.double {
-        return in_lanes::<Array<f64, 4>>(run, next);
+        return in_lanes::<Array<f64, 8>>(run, next);
     }
     run.job.path.run(Strips { run, next })?
 }
@@ -40,7 +40,7 @@ fn in_lanes<L: Lanes>(run: &Run<'_>, next: &AtomicUsize) -> Result<()> {
 /// What that will take.
 pub(super) fn memory_plan(job: &ImageJob<'_>, kernel: &Kernel) -> Result<MemoryPlan> {
     if job.double {
-        return MemoryPlan::new::<Array<f64, 4>>(job, kernel);
+        return MemoryPlan::new::<Array<f64, 8>>(job, kernel);
     }
     job.path.run(Planning { job, kernel })?
 }

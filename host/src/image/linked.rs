@@ -159,11 +159,10 @@ impl<L: Lanes> Worker<L> {
         strip::load(series, &source, &layout, rows, buffer, &mut self.fields[..all])
     }
 
-    /// The tile of each lane: that of the middle of its block of columns, at the strip's middle row.
+    /// The tile of a lane; its block of columns and the strip lie in one (`tiles`).
     fn tile<'a>(&self, tiles: &'a Tiles, rows: &Range<usize>, lane: usize) -> &'a Tile {
         let Layout { blocks, width, .. } = self.layout;
-        let column = (lane * blocks + blocks / 2) % width;
-        tiles.at((rows.start + rows.end) / 2, column)
+        tiles.at(rows.start, (lane * blocks).min(width - 1))
     }
 
     fn expand_models(&mut self, tiles: &Tiles, rows: &Range<usize>) {

@@ -11,7 +11,7 @@ use crate::lanes::Lanes;
 
 /// Rows of the strips when memory does not forbid it: the two frames of a pair then stay in a core's
 /// second-level cache while the halo costs less than twice the rows.
-const PREFERRED_ROWS: usize = 16;
+pub(super) const PREFERRED_ROWS: usize = 16;
 
 /// What a job will take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

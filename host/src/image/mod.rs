@@ -6,6 +6,7 @@
 //! until all pairs are there and `phase` solves vector after vector. Memory is bounded by the
 //! height of the strips (`memory`), whatever the size of the series.
 
+mod decorrelation;
 mod dispatch;
 mod filter;
 mod held;
@@ -17,6 +18,7 @@ mod strip;
 mod tiles;
 mod worker;
 
+pub use decorrelation::{Quantity, diffusion_um2, walk_nm};
 pub use held::{HeldImages, Imaging};
 pub use kernel::Kernel;
 pub use memory::MemoryPlan;

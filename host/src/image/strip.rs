@@ -1,6 +1,7 @@
 //! A strip of rows in lane-block layout.
 //!
-//! A row of W columns is cut into `WIDTH` blocks of B = ceil(W / WIDTH) columns; vector i holds column
+//! A row of W columns is cut into `WIDTH` blocks of B = ceil(W / 16) 16 / `WIDTH` columns, so that blocks of few
+//! lanes are made of whole blocks of many; vector i holds column
 //! l B + i in lane l. The neighbour of every column of vector i is then in vector i+1, aligned, so
 //! the horizontal filter reads whole vectors. Columns at and beyond W repeat the row from its
 //! beginning (the average is circular); R vectors of halo on each side are copied lane by lane.
@@ -10,6 +11,18 @@ use crate::io::{Series, Shape};
 use crate::lanes::Lanes;
 use num_complex::{Complex, Complex32};
 use std::ops::Range;
+
+/// The most lanes of any path.
+const MOST_LANES: usize = 16;
+
+/// The fewest lanes of any path that images are computed on.
+const FEWEST_LANES: usize = 8;
+
+/// Columns that every path keeps in whole blocks: what differs from place to place may change at multiples of it.
+#[must_use]
+pub const fn common_block(width: usize) -> usize {
+    width.div_ceil(MOST_LANES) * (MOST_LANES / FEWEST_LANES)
+}
 
 /// Where the columns of a row are.
 #[derive(Clone, Debug)]
@@ -28,7 +41,7 @@ impl Layout {
     /// Layout of rows of `width` columns in `lanes` lanes.
     #[must_use]
     pub fn new(width: usize, lanes: usize, halo: usize) -> Self {
-        let blocks = width.div_ceil(lanes);
+        let blocks = width.div_ceil(MOST_LANES) * (MOST_LANES / lanes).max(1);
         let position = |vector: isize, lane: usize| {
             let column = (lane * blocks) as isize + vector - halo as isize;
             let column = column.rem_euclid(width as isize) as usize;

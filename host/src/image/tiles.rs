@@ -9,6 +9,8 @@
 //! which is solved for |gamma_ij|^2. One model of Gamma is fitted to these in every tile, and what all its pixels share is
 //! computed once: precision, inverse information, standard deviations.
 
+use super::memory::PREFERRED_ROWS;
+use super::strip::common_block;
 use crate::allocate::{filled, zeros};
 use crate::error::Result;
 use crate::io::{Series, Shape};
@@ -115,13 +117,13 @@ impl Fit<'_> {
         Block { side, looks: looks * self.looks_of_layers }
     }
 
-    /// Tiles of about six blocks' side, all nearly alike.
+    /// Tiles of about six blocks' side, made of whole strips and whole lane blocks of every path.
     fn edges(&self, side: usize) -> [Vec<usize>; 2] {
         let Shape { height, width, .. } = self.series.shape();
-        [height, width].map(|length| {
-            let count = ((length as f64 / (side * BLOCKS) as f64).round() as usize).max(1);
-            (0..=count).map(|i| i * length / count).collect()
-        })
+        [
+            edges(height, PREFERRED_ROWS, side * BLOCKS),
+            edges(width, common_block(width), side * BLOCKS),
+        ]
     }
 
     fn tile(&self, band: &Band, block: &Block, columns: Range<usize>) -> Result<Tile> {
@@ -191,6 +193,18 @@ impl Tiles {
     pub fn bytes(&self) -> u64 {
         self.tiles.iter().map(|tile| 8 * tile.precision.len() as u64).sum()
     }
+}
+
+/// 0, then multiples of `unit` about `wanted` apart, then `length`; what is left over at the end joins the last one
+/// if it is less than half of it.
+fn edges(length: usize, unit: usize, wanted: usize) -> Vec<usize> {
+    let step = unit * ((wanted as f64 / unit as f64).round() as usize).max(1);
+    let mut edges: Vec<usize> = (0..length).step_by(step).collect();
+    if edges.len() > 1 && length - edges[edges.len() - 1] < step / 2 {
+        edges.pop();
+    }
+    edges.push(length);
+    edges
 }
 
 /// A square over which C is averaged.
@@ -361,4 +375,17 @@ fn total<L: Lanes<Element = f32>>(u: &[Complex<L>], v: &[Complex<L>]) -> Complex
     }
     let sum = |x: L| L::flat(&[x]).iter().map(|&lane| f64::from(lane)).sum();
     Complex64 { re: sum(re), im: sum(im) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_are_whole_strips_and_blocks() {
+        assert_eq!(edges(368, 16, 54), [0, 48, 96, 144, 192, 240, 288, 368]);
+        assert_eq!(edges(640, common_block(640), 54)[..3], [0, 80, 160]);
+        assert_eq!(edges(13, 16, 54), [0, 13]);
+        assert_eq!(edges(53, common_block(53), 18), [0, 16, 32, 53]);
+    }
 }

@@ -25,7 +25,7 @@ pub struct FieldLayout {
     pub width: usize,
     /// Provenance, kept by Zarr.
     pub attributes: Attributes,
-    /// Acquisition times in seconds, kept by Zarr.
+    /// Acquisition times in seconds, if they are not even.
     pub times_s: Option<Vec<f64>>,
 }
 
@@ -40,7 +40,7 @@ pub struct Truth<'a> {
 
 /// Writes complex64 frames (time, y, x) with the truth about them.
 ///
-/// `F.npy` has `F.mask.npy` and `F.phase.npy` beside it. `F.zarr` holds `field`, its modulus
+/// `F.npy` has `F.mask.npy` and `F.phase.npy` beside it, and `F.times.npy` where there are times. `F.zarr` holds `field`, its modulus
 /// `amplitude` (float32: viewers do not show complex numbers; it adds half the size of the field
 /// and no noticeable time), `mask`, `truth_phase_rad` and `time_s`. The raw phase is not stored:
 /// in speckle it is noise to look at and one `numpy.angle` away.
@@ -59,6 +59,7 @@ enum Sink {
 struct TruthFiles {
     mask: NpyWriter<bool>,
     phase: NpyWriter<f64>,
+    times: Option<NpyWriter<f64>>,
 }
 
 impl FieldWriter {
@@ -113,8 +114,10 @@ impl FieldWriter {
         match self.sink {
             Sink::Npy { field, truth } => {
                 // Where the field is, its truth is complete already.
-                let truth = [truth.mask.finish()?, truth.phase.finish()?];
-                Ok([field.finish()?].into_iter().chain(truth).collect())
+                let mut files = vec![truth.mask.finish()?, truth.phase.finish()?];
+                files.extend(truth.times.map(NpyWriter::finish).transpose()?);
+                files.insert(0, field.finish()?);
+                Ok(files)
             }
             Sink::Zarr(mut zarr) => {
                 zarr.flush()?;
@@ -149,7 +152,15 @@ impl TruthFiles {
         let phase = NpyWriter::create(&sibling(path, "phase"), &[layout.frames])?;
         mask.write_at(0, truth.mask)?;
         phase.write_at(0, truth.phase_rad)?;
-        Ok(Self { mask, phase })
+        let times = match &layout.times_s {
+            Some(times) => {
+                let file = NpyWriter::create(&sibling(path, "times"), &[layout.frames])?;
+                file.write_at(0, times)?;
+                Some(file)
+            }
+            None => None,
+        };
+        Ok(Self { mask, phase, times })
     }
 }
 

@@ -124,6 +124,18 @@ impl ImageWriter {
         Ok(())
     }
 
+    /// Add a map (y, x) of what belongs to all frames; `.npy` files have no place for it.
+    ///
+    /// # Errors
+    /// When it does not fit the layout, or the disk is full.
+    pub fn write_map(&self, name: &str, values: &[f32]) -> Result<()> {
+        let ImageLayout { height, width, .. } = self.layout;
+        match &self.sink {
+            Sink::Npy { .. } => Ok(()),
+            Sink::Zarr(zarr) => zarr.group.write_whole(name, &["y", "x"], &[height, width], values),
+        }
+    }
+
     /// Give the results their final names, which are returned.
     ///
     /// # Errors

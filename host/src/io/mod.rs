@@ -18,6 +18,7 @@
 //! | `raw` | raw camera images, whatever file they lie in |
 //! | `photron` | recordings of Photron cameras |
 //! | `mapped` | windows of large files, mapped into memory |
+//! | `times` | acquisition times from a file of their own |
 //! | `describe` | what `phasewalk info` prints |
 //!
 //! Arrays are stored in C order with axes (time, z, y, x); times are in seconds, phases in radians.
@@ -35,6 +36,7 @@ pub mod photron;
 mod raw;
 mod shape;
 mod staged;
+mod times;
 mod unfinished;
 mod volume;
 mod volumes;
@@ -51,6 +53,7 @@ pub use raw::{RawFormat, RawImages, open_raw, visit_images};
 pub use shape::Shape;
 pub use staged::write_atomic;
 pub(crate) use staged::{StagedFile, StagedFolder};
+pub use times::{Timed, check_times, read_times};
 pub use unfinished::Unfinished;
 pub use volume::VolumeWriter;
 pub use volumes::{Companions, VolumesLayout, VolumesWriter};

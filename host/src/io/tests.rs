@@ -101,8 +101,8 @@ fn npy_field_round_trip() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("F.npy");
     let written = write_field(&path, 4, 7, 5).unwrap();
-    assert_eq!(names(&folder), ["F.mask.npy", "F.npy", "F.phase.npy"]);
-    assert_eq!(written.len(), 3);
+    assert_eq!(names(&folder), ["F.mask.npy", "F.npy", "F.phase.npy", "F.times.npy"]);
+    assert_eq!(written.len(), 4);
     let series = open_series(&path).unwrap();
     assert_holds_values(&*series, Shape { frames: 4, depth: 1, height: 7, width: 5 });
     assert!(series.times_s().is_none() && series.wavelength_nm().is_none());

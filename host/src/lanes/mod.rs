@@ -5,7 +5,7 @@
 //! | `F32x16` | 16 | x86-64 with AVX-512 |
 //! | `F32x8` | 8 | x86-64 with AVX2 and FMA |
 //! | [`Array`] of f32 | 8 | any |
-//! | [`Array`] of f64 | 4 | any, for `--precision f64` |
+//! | [`Array`] of f64 | 8 | any, for `--precision f64` |
 //!
 //! The machine is asked at run time ([`Path::best`]) and work enters through [`Path::run`], so the
 //! ordinary build is portable and fast.

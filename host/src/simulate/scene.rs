@@ -1,15 +1,18 @@
 //! The parameters of the speckle scene, their limits, and the truth they imply.
 
 use super::scatterers::{BLOCK, Block};
-use super::stimulus::{inside_x, movement_wavelengths};
+use super::stimulus::{displacement_wavelengths, inside_x, movement_wavelengths};
 use super::vector_math::{FIXED_LIMIT, MAX_NORMAL};
 use crate::error::{Error, Result};
+use crate::io::check_times;
 use std::f64::consts::PI;
 
 /// Longest side, in pixels: positions are 32-bit fractions of a side.
 const MAX_SIDE: usize = 65_536;
 /// Largest σ, in wavelengths: the depth of the scene. Already at λ/2 no speckle lasts two frames.
 const MAX_SIGMA: f64 = 10.0;
+/// Latest time, in intervals: the movement is summed interval by interval.
+const MAX_TIME: f64 = 1e6;
 /// Smallest and largest pixel pitch, in wavelengths.
 const PITCHES: [f64; 2] = [0.1, 1e6];
 /// The longest step of any legal scene, over one pixel or in phase, can be represented.
@@ -52,6 +55,9 @@ pub struct SpeckleScene {
     pub aperture_cycles_per_wavelength: f64,
     /// Pixel pitch, in wavelengths (line 613: 4).
     pub pitch_wavelengths: f64,
+    /// When the frames are taken, in units of the interval that σ and the movement are given for: not below 0,
+    /// strictly ascending, one per frame. `None`: 0, 1, 2, ...
+    pub times: Option<Vec<f64>>,
     /// Key of all random numbers.
     pub seed: u64,
 }
@@ -66,6 +72,7 @@ impl Default for SpeckleScene {
             sigma_wavelengths: 1.0 / 32.0,
             aperture_cycles_per_wavelength: 0.06,
             pitch_wavelengths: 4.0,
+            times: None,
             seed: 1,
         }
     }
@@ -82,6 +89,7 @@ impl SpeckleScene {
         within("--frames", self.frames, 2, u32::MAX as usize)?;
         within("--scatterers", self.scatterers_per_pixel, 1, u32::MAX as usize)?;
         within("--sigma", self.sigma_wavelengths, 0.0, MAX_SIGMA)?;
+        self.validate_times()?;
         within("--pitch", self.pitch_wavelengths, PITCHES[0], PITCHES[1])?;
         let na = self.aperture_cycles_per_wavelength;
         if !(na.is_finite() && na > 0.0) {
@@ -96,6 +104,49 @@ impl SpeckleScene {
             )));
         }
         Ok(())
+    }
+
+    fn validate_times(&self) -> Result<()> {
+        let Some(times) = &self.times else { return Ok(()) };
+        let refuse = |what: String| Err(Error::usage(format!("--times: {what}")));
+        if times.len() != self.frames {
+            return refuse(format!("{} times for {} frames", times.len(), self.frames));
+        }
+        if let Err(frame) = check_times(times) {
+            return refuse(format!("frame {frame} is not after the one before"));
+        }
+        if times[0] < 0.0 {
+            return refuse("the first frame is before time 0".to_owned());
+        }
+        let longest = (1..self.frames).map(|t| self.interval(t)).fold(0.0, f64::max);
+        let step = self.sigma_wavelengths * longest.sqrt();
+        if step <= MAX_SIGMA && times[self.frames - 1] < MAX_TIME {
+            return Ok(());
+        }
+        refuse(format!(
+            "in the longest interval, {longest}, scatterers move by {step:.1} wavelengths; at most \
+             {MAX_SIGMA}, and no time above {MAX_TIME}"
+        ))
+    }
+
+    /// When frame t is taken.
+    #[must_use]
+    pub fn time(&self, t: usize) -> f64 {
+        self.times.as_ref().and_then(|times| times.get(t)).copied().unwrap_or(t as f64)
+    }
+
+    /// From frame t - 1 to frame t.
+    pub(super) fn interval(&self, t: usize) -> f64 {
+        self.time(t) - self.time(t - 1)
+    }
+
+    /// How far the x moves from frame t - 1 to frame t, in wavelengths.
+    pub(super) fn movement(&self, t: usize) -> f64 {
+        let until = |t: usize| displacement_wavelengths(self.time(t));
+        match self.times {
+            Some(_) => until(t) - until(t - 1),
+            None => movement_wavelengths(t),
+        }
     }
 
     /// Pixels of one frame, width · height.
@@ -117,11 +168,7 @@ impl SpeckleScene {
     /// It is 0 up to frame 4 and 2.044 rad in frame 69.
     #[must_use]
     pub fn true_phase_rad(&self) -> Vec<f64> {
-        let moved = (0..self.frames).scan(0.0, |z, t| {
-            *z += movement_wavelengths(t);
-            Some(*z)
-        });
-        moved.map(|z| 4.0 * PI * z).collect()
+        (0..self.frames).map(|t| 4.0 * PI * displacement_wavelengths(self.time(t))).collect()
     }
 
     /// Predicted peak memory of [`for_each_frame`](Self::for_each_frame) on `threads` threads, in
@@ -171,7 +218,7 @@ mod tests {
     #[test]
     fn bad_parameters_name_their_flag() {
         type Change = fn(&mut SpeckleScene);
-        let cases: [(&str, Change); 16] = [
+        let cases: [(&str, Change); 19] = [
             ("--width 0", |s| s.width = 0),
             ("--width 65537", |s| s.width = 65_537),
             ("--height 0", |s| s.height = 0),
@@ -182,6 +229,9 @@ mod tests {
             ("--sigma NaN", |s| s.sigma_wavelengths = f64::NAN),
             ("--sigma inf", |s| s.sigma_wavelengths = f64::INFINITY),
             ("--sigma 10.5", |s| s.sigma_wavelengths = 10.5),
+            ("1 times for 70", |s| s.times = Some(vec![0.0])),
+            ("frame 2 is not after", |s| (s.frames, s.times) = (3, Some(vec![0.0, 2.0, 1.0]))),
+            ("longest interval", |s| (s.frames, s.times) = (2, Some(vec![0.0, 2e5]))),
             ("--na 0", |s| s.aperture_cycles_per_wavelength = 0.0),
             ("--na NaN", |s| s.aperture_cycles_per_wavelength = f64::NAN),
             ("--pitch 0.05", |s| s.pitch_wavelengths = 0.05),

@@ -7,7 +7,6 @@ use super::aperture::Aperture;
 use super::philox;
 use super::scatterers::{BLOCK, Block, Raster, Walk};
 use super::simd::{Kernel, Simd};
-use super::stimulus::movement_wavelengths;
 use crate::allocate::{reserve, zeros};
 use crate::error::Result;
 use crate::progress::{self, Progress};
@@ -62,14 +61,17 @@ impl SpeckleScene {
 
     /// The step that makes frame t; none makes frame 0.
     fn walk_into(&self, t: usize) -> Option<Walk> {
-        let sigma = self.sigma_wavelengths;
+        if t == 0 {
+            return None;
+        }
+        let sigma = self.sigma_wavelengths * self.interval(t).sqrt();
         let over_side = |side: usize| (sigma / (side as f64 * self.pitch_wavelengths)) as f32;
         let turns = |z: f64| 2.0 * z; // 2kz/2π with z in wavelengths
-        (t > 0).then(|| Walk {
+        Some(Walk {
             key: philox::key(self.seed),
             frame: t as u32,
             sigma_turns: [over_side(self.width), over_side(self.height), turns(sigma) as f32],
-            drift: (turns(movement_wavelengths(t)) * 2f64.powi(32)) as u32,
+            drift: (turns(self.movement(t)).rem_euclid(1.0) * 2f64.powi(32)) as u32,
         })
     }
 }

@@ -21,6 +21,14 @@ pub fn movement_wavelengths(t: usize) -> f64 {
     })
 }
 
+/// z(t) in wavelengths: how far the x has moved at a time t in frames, not below 0; between two whole
+/// frames on the straight line.
+pub fn displacement_wavelengths(time: f64) -> f64 {
+    let whole = time.floor();
+    let until: f64 = (0..=whole as usize).map(movement_wavelengths).sum();
+    until + (time - whole) * movement_wavelengths(whole as usize + 1)
+}
+
 /// Whether the centre of pixel (x, y) lies inside the x: two crossed bars along the diagonals,
 ///
 /// u = (X + Y)/(√2 s), v = (X − Y)/(√2 s), X = x − W/2 + ½, Y = y − H/2 + ½, s = min(W, H):

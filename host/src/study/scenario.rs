@@ -89,7 +89,7 @@ impl Scenario {
 }
 
 /// The paper's elongation in phase: dz = lambda/400 + lambda/800 sin(0.1 (t - t_0)) per frame from t_0 = 5 on
-/// (lines 612-645), 4 pi dz / lambda, radians; between frames as at the frame before.
+/// (paper lines 635-643), as the phase 4 pi / lambda times it in radians; between frames as at the frame before.
 fn stimulus(t: f64) -> f64 {
     const ONSET: i64 = 5;
     let step = |frame: i64| {

@@ -6,7 +6,7 @@ use crate::looks::{Looks, SpatialCoherence};
 use crate::progress::Progress;
 use crate::series::{Survey, survey};
 use num_complex::Complex32;
-use phasewalk_core::online::online_walk;
+use phasewalk_core::online;
 use std::path::{Path, PathBuf};
 
 /// Which pixels of a series.
@@ -63,7 +63,7 @@ impl Speckles {
         let pixels = picked(&usable, choice, most).map_err(|what| Error::file(path, what))?;
         let looks = looks(series, &survey, depth, &pixels, choice.looks)?;
         // Whether it can be solved at all.
-        let _ = online_walk::<f32>(pixels.len(), looks.into())?;
+        online::check(pixels.len(), looks.into())?;
         let count = pixels.len();
         let volumes = shape.frames.min(volumes.unwrap_or(usize::MAX));
         let samples = samples(series, &survey, depth, &pixels, volumes)?;

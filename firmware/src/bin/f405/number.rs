@@ -2,10 +2,10 @@
 //! for all numbers from 0 on, since IEEE 754 leaves no choice in either.
 
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
-use phasewalk_core::Scalar;
+use phasewalk_core::{Real, Scalar};
 
 /// What the solver calculates with.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, PartialEq, PartialOrd)]
 pub struct Number(f32);
 
 impl From<f32> for Number {
@@ -96,6 +96,11 @@ impl Scalar for Number {
     }
 
     #[inline(always)]
+    fn round(self) -> Self {
+        Self(Scalar::round(self.0))
+    }
+
+    #[inline(always)]
     fn lt(self, other: Self) -> bool {
         self.0 < other.0
     }
@@ -108,5 +113,28 @@ impl Scalar for Number {
     #[inline(always)]
     fn mul_add(self, factor: Self, term: Self) -> Self {
         Self(Scalar::mul_add(self.0, factor.0, term.0))
+    }
+}
+
+impl Real for Number {
+    #[inline]
+    fn exp(self) -> Self {
+        Self(Real::exp(self.0))
+    }
+
+    #[inline]
+    fn ln(self) -> Self {
+        Self(Real::ln(self.0))
+    }
+
+    #[inline]
+    fn sin_cos(self) -> (Self, Self) {
+        let (sine, cosine) = Real::sin_cos(self.0);
+        (Self(sine), Self(cosine))
+    }
+
+    #[inline]
+    fn to_f64(self) -> f64 {
+        self.0.into()
     }
 }

@@ -6,7 +6,7 @@ use crate::shared::Shared;
 use crate::timers;
 use heapless::Vec;
 use num_complex::Complex;
-use phasewalk_core::online::{OnlineWalk, SPECKLES, online_walk, online_weights};
+use phasewalk_core::online::{self, OnlineTracker, SPECKLES};
 use phasewalk_firmware::message::{Estimate, SPECKLE_BYTES};
 
 #[cfg(not(feature = "plain-f32"))]
@@ -41,7 +41,7 @@ impl Mailbox {
 
 /// Forget all volumes; from now on they have so many speckles. False when the solver cannot.
 pub fn begin(speckles: u16, looks: f32) -> bool {
-    if online_weights(speckles.into(), looks.into()).is_err() {
+    if online::check(speckles.into(), looks.into()).is_err() {
         return false;
     }
     MAILBOX.with(|mailbox| {
@@ -87,19 +87,25 @@ pub fn solved() -> Option<Estimate> {
 /// Solve what comes, for ever; between, sleep or `stay_awake`, for emulators whose time jumps while the
 /// processor sleeps.
 pub fn run(stay_awake: bool) -> ! {
-    let mut walk: Option<OnlineWalk<Number>> = None;
+    let mut tracker: Option<OnlineTracker<Number>> = None;
     let mut volume = Volume::new();
     loop {
         if let Some((speckles, looks)) = MAILBOX.with(|mailbox| mailbox.begin.take()) {
-            walk = online_walk(speckles.into(), looks.into()).ok();
+            begin_anew(&mut tracker, speckles, looks);
         }
         let full = take(&mut volume);
-        match &mut walk {
-            Some(walk) if full => tell(solve(walk, &volume)),
+        match &mut tracker {
+            Some(tracker) if full => tell(solve(tracker, &volume)),
             _ if stay_awake => idle(),
             _ => cortex_m::asm::wfi(),
         }
     }
+}
+
+/// Not inline: making a tracker takes its room once more, which the stack need not hold while it works.
+#[inline(never)]
+fn begin_anew(tracker: &mut Option<OnlineTracker<Number>>, speckles: u16, looks: f32) {
+    *tracker = OnlineTracker::new(speckles.into(), looks.into()).ok();
 }
 
 /// Take the volume that waits, if one does. Passes leave a full one alone, but a new series drops it;
@@ -141,9 +147,9 @@ fn idle() {
     }
 }
 
-fn solve(walk: &mut OnlineWalk<Number>, volume: &Volume) -> Estimate {
+fn solve(tracker: &mut OnlineTracker<Number>, volume: &Volume) -> Estimate {
     let begin = own_time();
-    let estimate = walk.push(volume);
+    let estimate = tracker.push(volume);
     Estimate {
         volume: estimate.frame as u32,
         phase: f32::from(estimate.phase_rad).to_bits(),

@@ -48,6 +48,14 @@ pub(in crate::cli) struct Arguments {
     /// [default: the fifth good one]
     #[arg(long, value_name = "FRAME", allow_negative_numbers = true)]
     pub(super) reference_frame: Option<usize>,
+    /// When the frames were taken: one time per frame, .npy or a text file with a number per line
+    /// [default: the series' own times, else the numbers of the frames]
+    #[arg(long, value_name = "FILE")]
+    pub(super) times: Option<PathBuf>,
+    /// What is known of the phase beforehand: standard deviation of its acceleration, rad per squared unit of
+    /// the times (method linked, curves)
+    #[arg(long, value_name = "RAD", allow_negative_numbers = true)]
+    pub(super) acceleration: Option<f64>,
     /// Depth pixels, both ends included: A..B for one layer, A..B,C..D for Z1 minus Z2
     /// [default: the group's layer_ost_z minus layer_isos_z, where it has them]
     #[arg(long, value_name = "A..B,C..D", allow_hyphen_values = true)]
@@ -74,6 +82,10 @@ pub(in crate::cli) struct Arguments {
     /// of some frames with their speckle
     #[arg(long, value_name = "F.png")]
     pub(super) figure: Option<PathBuf>,
+    /// Draw how fast each part of the image decorrelates, what is static and what is noise, .png or .svg
+    /// (images of --method linked; a .zarr result holds the maps too)
+    #[arg(long, value_name = "F.png")]
+    pub(super) decorrelation: Option<PathBuf>,
     /// Frames that the figure of images shows, counting bad sweeps
     /// [default: seven from the reference to the last]
     #[arg(long, value_name = "FRAME,...", value_delimiter = ',', allow_negative_numbers = true)]
@@ -173,6 +185,7 @@ impl Arguments {
             return Err(Error::usage(format!("--wavelength-nm {nm}: {what}")));
         }
         self.validate_methods()?;
+        self.validate_prior()?;
         self.validate_regions()?;
         self.validate_files()
     }
@@ -201,6 +214,32 @@ impl Arguments {
         Ok(())
     }
 
+    /// The prior of accelerations.
+    fn validate_prior(&self) -> Result<()> {
+        let Some(sigma) = self.acceleration else { return Ok(()) };
+        if self.method != MethodName::Linked || self.mask.is_none() {
+            return Err(Error::usage(
+                "--acceleration belongs to curves (--mask) of --method linked: leave it out",
+            ));
+        }
+        if sigma.is_finite() && sigma > 0.0 {
+            return Ok(());
+        }
+        Err(Error::usage(format!("--acceleration {sigma}: must be a number above 0")))
+    }
+
+    /// The map of the decorrelation.
+    fn validate_map(&self, inputs: &[&std::path::Path]) -> Result<()> {
+        let Some(map) = &self.decorrelation else { return Ok(()) };
+        if self.method != MethodName::Linked || self.gaussian.is_none() {
+            return Err(Error::usage(
+                "--decorrelation belongs to images (--gaussian) of --method linked: leave it out",
+            ));
+        }
+        Picture::of(map)?;
+        check_output("--decorrelation", map, inputs)
+    }
+
     /// Options that belong to curves or to images.
     fn validate_regions(&self) -> Result<()> {
         if self.mask.is_some() && (self.sigma || self.precision == Precision::F64) {
@@ -227,9 +266,11 @@ impl Arguments {
         let mut inputs = vec![self.series.as_path()];
         inputs.extend(self.mask.as_deref());
         inputs.extend(self.control.as_deref());
+        inputs.extend(self.times.as_deref());
         let sigma = sibling(&self.output, "sigma");
         check_output("-o", &self.output, &inputs)?;
         check_output("-o", &sigma, &inputs)?;
+        self.validate_map(&inputs)?;
         let Some(figure) = &self.figure else { return Ok(()) };
         Picture::of(figure)?;
         check_output("--figure", figure, &inputs)

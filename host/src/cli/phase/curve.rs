@@ -115,7 +115,7 @@ fn model(linked: &Linked) -> Value {
         "shares": terms.by_ref().map(|(_, share)| share).collect::<Vec<_>>(),
         "static": mixture.floor(),
         "noise": mixture.noise(),
-        "mean_rate_per_time": mixture.mean_rate(),
+        "decay_rate_per_time": mixture.decay_rate(),
         "periodic": linked.periodic,
         "misfit": linked.misfit,
     })

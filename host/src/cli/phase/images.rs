@@ -1,5 +1,6 @@
 //! Phase images of all frames.
 
+use super::decorrelation::Decorrelation;
 use super::figure::FigureFile;
 use super::shown::Shown;
 use super::{Task, check_looks};
@@ -79,6 +80,8 @@ impl Task<'_> {
             print(&format!("{strips} strips on {threads} threads; {bytes} of memory"));
         }
         let mut facts = self.facts(job.survey, job.looks, job.effective_looks, memory.bytes);
+        let map_file =
+            self.arguments.decorrelation.as_deref().map(FigureFile::create).transpose()?;
         let layout = self.layout(memory.strip_rows, facts.clone());
         let writer = ImageWriter::create(&self.arguments.output, layout)?;
         let progress = Progress::new("phase images", job.steps()?);
@@ -88,11 +91,22 @@ impl Task<'_> {
             }
             self.write_strip(&writer, &strip)
         })?;
+        let map = job.tiles.map(|tiles| Decorrelation::of(self, tiles));
+        if let Some(map) = &map {
+            map.write(&writer)?;
+            facts.insert("decorrelation".to_owned(), map.facts());
+        }
         let mut files = writer.finish()?;
         drop(progress);
         if let Some((file, shown)) = figure {
             let canvas = shown.draw(self, &self.imaging(job, coherence))?;
             files.push(file.finish(&canvas)?);
+        }
+        if let (Some(map), Some(file)) = (&map, map_file) {
+            files.push(file.finish(&map.draw())?);
+        }
+        if let Some(map) = map.filter(|_| !self.common.json) {
+            print(&map.in_words());
         }
         facts.insert("pixels_without_weight".to_owned(), json!(unmeasured));
         if unmeasured > 0 && !self.common.json {

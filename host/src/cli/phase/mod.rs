@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `arguments` | the options, and what they alone can tell |
 //! | `curve` | the phase of a region over time |
+//! | `decorrelation` | how fast each part of the image decorrelates |
 //! | `images` | phase images of all frames |
 //! | `shown` | the frames that the figure of images shows |
 //! | `figure` | the file of a figure |
@@ -11,6 +12,7 @@
 
 mod arguments;
 mod curve;
+mod decorrelation;
 mod figure;
 mod images;
 mod report;
@@ -22,7 +24,7 @@ use super::Common;
 use crate::error::{Error, Result};
 use crate::figures::style;
 use crate::frames::ChosenFrames;
-use crate::io::open_series;
+use crate::io::{Timed, check_times, open_series};
 use crate::looks::{SpatialCoherence, looks_of_depths};
 use crate::method::{Depths, Method, Plan};
 use crate::series::{Survey, survey};
@@ -31,7 +33,10 @@ use std::time::Instant;
 
 pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     arguments.validate()?;
-    let series = open_series(&arguments.series)?;
+    let mut series = open_series(&arguments.series)?;
+    if let Some(times) = &arguments.times {
+        series = Box::new(Timed::read(series, times)?);
+    }
     let series = series.as_ref();
     let about = |error: Error| error.about(&arguments.series);
     let depths = arguments.depths(series).map_err(about)?;
@@ -53,7 +58,14 @@ fn plan(arguments: &Arguments, good: &ChosenFrames<'_>, depths: Depths) -> Resul
     let mut plan = Plan::new(arguments.method(), frames, arguments.max_lag, reference, depths)?;
     plan.average = arguments.average();
     plan.times_s = good.numbers().iter().map(|&frame| good.time_of(frame)).collect();
-    check_times(&plan.times_s)?;
+    plan.acceleration = arguments.acceleration;
+    check_times(&plan.times_s).map_err(|frame| {
+        let number = good.numbers()[frame];
+        Error::failed(format!(
+            "the series' coordinate time_s is not strictly ascending at frame {number}: correct it, or \
+             give --times"
+        ))
+    })?;
     Ok(plan)
 }
 
@@ -74,15 +86,6 @@ fn check_looks(method: Method, looks: f64, region: &str) -> Result<()> {
          more pixels, or take --method one-step or --looks",
         (needed + 0.5).ceil()
     )))
-}
-
-/// Gamma_2 divides by the intervals.
-fn check_times(times: &[f64]) -> Result<()> {
-    let ascending = times.windows(2).all(|pair| pair[1] > pair[0]);
-    if ascending && times.iter().all(|time| time.is_finite()) {
-        return Ok(());
-    }
-    Err(Error::failed("the series' coordinate time_s is not strictly ascending: correct it"))
 }
 
 /// What the flags and the file have settled.

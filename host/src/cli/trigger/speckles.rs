@@ -18,7 +18,7 @@ pub(super) struct SpeckleOptions {
     /// Depth pixel of a series with axes (time, z, y, x)
     #[arg(long, value_name = "Z")]
     depth: Option<usize>,
-    /// Looks of the speckles, for threshold and standard deviation: nominal (each is one), effective
+    /// Looks of the speckles, for qualities and standard deviation: nominal (each is one), effective
     /// (estimated from the volumes) or a number [default: nominal]
     #[arg(long, value_name = "LOOKS")]
     looks: Option<Looks>,

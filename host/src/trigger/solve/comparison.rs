@@ -85,13 +85,15 @@ impl Comparison {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use phasewalk_core::walk;
+    use phasewalk_core::tracker;
 
     #[test]
     fn one_bit_counts() {
         let row = |volume: u32, board: f32| {
-            let single = walk::Estimate { frame: 0, phase_rad: 1.0_f32, sigma_rad: f32::INFINITY };
-            let double = walk::Estimate { frame: 0, phase_rad: 1.5, sigma_rad: 0.0 };
+            let (sigma_rad, quality) = (f32::INFINITY, 1.0);
+            let single = tracker::Estimate { frame: 0, phase_rad: 1.0, sigma_rad, quality };
+            let (sigma_rad, quality) = (0.0, 1.0);
+            let double = tracker::Estimate { frame: 0, phase_rad: 1.5, sigma_rad, quality };
             let (phase, sigma) = (board.to_bits(), f32::INFINITY.to_bits());
             let board = Estimate { volume, phase, sigma, took: 840 };
             Row::new(&board, &Expected { single, double }, 84_000_000)

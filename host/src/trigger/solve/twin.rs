@@ -4,14 +4,14 @@
 use crate::error::Result;
 use crate::trigger::speckles::Speckles;
 use num_complex::{Complex, Complex32};
-use phasewalk_core::online::{OnlineWalk, SPECKLES, online_walk};
-use phasewalk_core::walk::Estimate;
+use phasewalk_core::online::{OnlineTracker, SPECKLES};
+use phasewalk_core::tracker::Estimate;
 
-/// The core's walk twice.
+/// The core's on-line solver twice.
 #[derive(Debug, Clone)]
 pub struct Twin {
-    single: OnlineWalk<f32>,
-    double: OnlineWalk<f64>,
+    single: OnlineTracker<f32>,
+    double: OnlineTracker<f64>,
 }
 
 /// What both say of a volume.
@@ -30,7 +30,10 @@ impl Twin {
     /// When the core does not take so many speckles or looks.
     pub fn new(speckles: &Speckles) -> Result<Self> {
         let (count, looks) = (speckles.count(), speckles.looks.into());
-        Ok(Self { single: online_walk(count, looks)?, double: online_walk(count, looks)? })
+        Ok(Self {
+            single: OnlineTracker::new(count, looks)?,
+            double: OnlineTracker::new(count, looks)?,
+        })
     }
 
     /// Solve the next volume.
