@@ -15,7 +15,7 @@ pub fn visibility(image: ArrayView2<'_, f32>, mask: &[bool], phase: f64) -> f64 
     let mut sums = [(0.0, 0.0); 2];
     for (&value, &inside) in image.iter().zip(mask) {
         let (sum, count) = &mut sums[usize::from(inside)];
-        *sum += (f64::from(value) - phase).cos();
+        *sum += agreement(f64::from(value) - phase);
         *count += 1.0;
     }
     let [outside, inside] = sums.map(|(sum, count)| sum / count);
@@ -25,8 +25,13 @@ pub fn visibility(image: ArrayView2<'_, f32>, mask: &[bool], phase: f64) -> f64 
 /// How alike two phase images are: the mean of cos(φ − ψ). 1 is the same, 0 is unrelated.
 #[must_use]
 pub fn likeness(a: &Array2<f32>, b: &Array2<f32>) -> f64 {
-    let sum = Zip::from(a).and(b).fold(0.0, |sum, &a, &b| sum + f64::from(a - b).cos());
+    let sum = Zip::from(a).and(b).fold(0.0, |sum, &a, &b| sum + agreement(f64::from(a - b)));
     sum / a.len() as f64
+}
+
+/// Cosine of a difference; a pixel without a phase agrees no more than noise does, 0.
+fn agreement(difference: f64) -> f64 {
+    if difference.is_finite() { difference.cos() } else { 0.0 }
 }
 
 /// Root mean square of arg C(t, Δt) − (φ(t) − φ(t + Δt)), wrapped, over all t and the given Δt, radians;
@@ -86,6 +91,9 @@ mod tests {
         assert!((visibility(turned.view(), &mask, 2.0) - 1.0).abs() < 1e-5);
         assert!(visibility(Array2::zeros((2, 3)).view(), &mask, 2.0).abs() < 1e-6);
         assert!((likeness(&image, &turned) - 1.0).abs() < 1e-6);
+        let nothing = Array2::from_elem((2, 3), f32::NAN);
+        assert_eq!(visibility(nothing.view(), &mask, 2.0), 0.0);
+        assert_eq!(likeness(&image, &nothing), 0.0);
     }
 
     #[test]
