@@ -19,6 +19,16 @@
 //!   v variance         standard deviation of what is reported
 //! phi(t)
 //! ```
+//! Beside it, the maximum-likelihood estimator that the host takes by default (docs/mathematics.md):
+//!
+//! ```text
+//! ⟨C(t,dt)⟩ of all pairs
+//!   | lags, model      Gamma: coherence (decays), quality (frames), periodic
+//!   | linking          walk, Fisher scoring, no unwrapping of pairs
+//!   | chain            the curve unwrapped in time, across gaps
+//!   v bound            Cramer-Rao bound, sandwich, what is reported
+//! phi(t)               frame by frame in fixed memory: tracker
+//! ```
 //! [`batch`] runs the second half for all pairs of a series at once, [`walk`] the whole chain frame
 //! by frame in fixed memory; [`baseline`] holds what the method is compared with (lines 410, 421,
 //! 975-984), [`params`] every number the paper gives.

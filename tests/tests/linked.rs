@@ -194,6 +194,102 @@ fn each_tile_has_its_own_coherence() {
     }
 }
 
+/// The program's map finds the walk of the scatterers: sigma lambda/16 of 841 nm is 52.6 nm. Asked: 5 %.
+#[test]
+fn the_map_tells_how_the_scatterers_move() {
+    let bench = Bench::new();
+    let size = "--width 320 --height 184 --scatterers 10";
+    let _ = bench.succeed(&format!("simulate speckle {size} --sigma 1/16 -o F.npy"));
+    let line = "phase F.npy --gaussian 3 --wavelength-nm 841 --decorrelation M.svg -o P.zarr";
+    let summary = bench.summary(line);
+    let walk = summary["decorrelation"]["walk_nm"].as_f64().unwrap();
+    assert!((walk / 52.56 - 1.0).abs() < 0.05, "{walk} nm");
+    let svg = std::fs::read_to_string(bench.path("M.svg")).unwrap();
+    for text in ["decay rate", "walk / (nm", "static share", "noise share"] {
+        assert!(svg.contains(text), "{text}");
+    }
+    for array in ["decay_rate", "static_share", "noise_share", "walk_nm"] {
+        assert!(bench.path("P.zarr").join(array).is_dir(), "{array}");
+    }
+    let line = "phase F.npy --mask F.mask.npy --decorrelation M.png -o C.csv";
+    bench.run(line).refused(2, &["--decorrelation", "--gaussian"]);
+}
+
+/// Bursts with a phase of 2 pi in the gap: the velocity within the bursts bridges it, even sampling of as many frames over the
+/// same time does not see the phase at all.
+#[test]
+fn bursts_hold_where_even_sampling_fails() {
+    let shape = |frames| Shape { frames, depth: 1, height: 40, width: 40 };
+    let rate = 0.6;
+    let series = |times: &[f64], seed| -> Recording {
+        // Decorrelation by 0.9 per unit of time, whatever the interval.
+        let mut random = phasewalk_tests::random::Random::new(seed);
+        let mut speckle: Vec<_> = (0..1600).map(|_| random.speckle()).collect();
+        let mut field = Vec::new();
+        for (t, &time) in times.iter().enumerate() {
+            if t > 0 {
+                let rho = 0.97_f64.powf(time - times[t - 1]);
+                for a in &mut speckle {
+                    *a = *a * rho + random.speckle() * (1.0 - rho * rho).sqrt();
+                }
+            }
+            let turn = Complex::from_polar(1.0, rate * time);
+            field.extend(speckle.iter().map(|a| {
+                let u = *a * turn;
+                Complex32::new(u.re as f32, u.im as f32)
+            }));
+        }
+        Recording { shape: shape(times.len()), field }
+    };
+    let bursts: Vec<f64> = (0..24).map(|i| f64::from(i / 3 * 12 + i % 3)).collect();
+    let even: Vec<f64> = (0..24).map(|i| f64::from(i) * 86.0 / 23.0 * 2.0).collect();
+    let bench = Bench::new();
+    phasewalk_tests::npy::save_mask(&bench.path("M.npy"), &[40, 40], &[true; 1600]);
+    let end = |name: &str, times: &[f64]| -> f64 {
+        series(times, 11).save(&bench.path("F.npy"));
+        let text: Vec<String> = times.iter().map(f64::to_string).collect();
+        std::fs::write(bench.path("T.txt"), text.join("\n")).unwrap();
+        let _ = bench.succeed(&format!("phase F.npy --mask M.npy --times T.txt -o {name}"));
+        let table = rows(&bench, name);
+        let (first, last) = (&table[0], &table[times.len() - 1]);
+        (last[2] - first[2]) - rate * (times[times.len() - 1] - times[0])
+    };
+    assert!(end("A.csv", &bursts).abs() < 0.5, "bursts hold");
+    assert!(end("B.csv", &even).abs() > 6.0, "more than pi between frames cannot be seen");
+}
+
+#[test]
+fn times_that_cannot_be_are_refused() {
+    let bench = Bench::new();
+    let _ =
+        bench.succeed("simulate speckle --width 24 --height 24 --frames 6 --burst 2,10 -o F.npy");
+    let times = phasewalk_tests::npy::load_f64(&bench.path("F.times.npy")).1;
+    assert_eq!(times, [0.0, 1.0, 11.0, 12.0, 22.0, 23.0]);
+    let _ = bench.succeed("phase F.npy --mask F.mask.npy --times F.times.npy -o C.csv");
+    assert_eq!(rows(&bench, "C.csv")[4][1], 22.0);
+    let _ = bench.succeed("phase F.npy --mask F.mask.npy --acceleration 0.01 -o C.csv");
+    for (text, words) in
+        [("0\n1\n", ["2 times", "6 frames"]), ("0\n1\n1\n2\n3\n4\n", ["frame 2", "ascending"])]
+    {
+        std::fs::write(bench.path("T.txt"), text).unwrap();
+        let line = "phase F.npy --mask F.mask.npy --times T.txt -o D.csv";
+        bench.run(line).refused(1, &[words[0], words[1], "T.txt"]);
+    }
+    for (option, word) in
+        [("--times none.txt", "none.txt"), ("--acceleration 0", "--acceleration 0")]
+    {
+        let line = format!("phase F.npy --mask F.mask.npy {option} -o D.csv");
+        let ran = bench.run(&line);
+        assert!(ran.status != Some(0) && ran.stderr.contains(word), "{ran:?}");
+    }
+    for option in ["--burst 0,10", "--burst 2,0", "--burst 2", "--times T.txt"] {
+        let line = format!("simulate speckle --width 24 --height 24 --frames 9 {option} -o G.npy");
+        let ran = bench.run(&line);
+        assert!(matches!(ran.status, Some(1 | 2)), "{option}: {ran:?}");
+    }
+    assert!(!bench.path("D.csv").exists() && !bench.path("G.npy").exists());
+}
+
 /// The file `name` of the table's columns: frame, time, phase, sigma, quality.
 fn rows(bench: &Bench, name: &str) -> Vec<Vec<f64>> {
     let (head, rows) = bench.table(name);

@@ -158,7 +158,7 @@ fn bad_sweeps_are_left_out_and_say_nan() {
         assert_eq!((&summary["frames_left_out"], &summary["pixels"]), (&json!(BAD), &308.into()));
         let _ = bench.succeed(&format!("phase W.zarr {line} -o W.csv"));
         let (header, all) = bench.table("V.csv");
-        assert_eq!(header, "frame,time_s,phase_rad,sigma_rad,opl_nm,sigma_nm,quality");
+        assert_eq!(header, "frame,time_s,phase_rad,sigma_rad,opl_nm,sigma_nm");
         assert_eq!(all.len(), FRAMES);
         let times = volumes.times_s.as_ref().unwrap();
         assert!(

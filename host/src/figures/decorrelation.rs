@@ -19,9 +19,11 @@ pub struct CoherenceMap<'a> {
     pub label: &'a str,
     /// Values, axes (y, x), not below 0.
     pub values: ArrayView2<'a, f32>,
+    /// End of the colour bar; the largest value where there is none.
+    pub top: Option<f32>,
 }
 
-/// The figure: maps of one size, each with its own colour bar from 0 to its largest value.
+/// The figure: maps of one size, each with its own colour bar from 0.
 #[derive(Clone, Debug)]
 pub struct CoherenceMaps<'a> {
     /// What is common to them.
@@ -63,7 +65,7 @@ impl CoherenceMaps<'_> {
 fn draw_map(canvas: &mut Canvas, area: Rect, n: usize, map: &CoherenceMap<'_>, last: bool) {
     let (rows, columns) = map.values.dim();
     let (_, most) = percentiles(&[map.values], 0.0, 1.0);
-    let high = if most > 0.0 { most } else { 1.0 };
+    let high = map.top.unwrap_or(if most > 0.0 { most } else { 1.0 });
     canvas.image(area, Indexed::sigma(map.values, (0.0, high)).to_rgb8());
     let span = |count: usize| Span::new(-0.5, count.max(1) as f64 - 0.5);
     let axes = Axes::new(area, span(columns), span(rows));
@@ -71,7 +73,8 @@ fn draw_map(canvas: &mut Canvas, area: Rect, n: usize, map: &CoherenceMap<'_>, l
     axes.y_down_axis(canvas, Some("y / px"));
     axes.frame(canvas);
     keys::heading(canvas, area, map.label, n);
-    let labels = [0.0, 0.5, 1.0].map(|share| format!("{:.3}", share * high));
+    let labels = [0.0, 0.5, 1.0]
+        .map(|share| format!("{:.*}", if high < 10.0 { 3 } else { 1 }, share * high));
     let labels: Vec<&str> = labels.iter().map(String::as_str).collect();
     let bar = Rect::new(area.right() + BAR, area.y, BAR, area.h);
     keys::color_bar(canvas, bar, ColorMap::Sigma, &labels, "");
@@ -86,8 +89,11 @@ mod tests {
     fn maps_have_headings_axes_and_bars() {
         let rate = Array2::from_shape_fn((12, 30), |(_, x)| if x < 15 { 0.1 } else { 0.3 });
         let nothing = Array2::zeros((12, 30));
-        let map =
-            |label, values: &'static Array2<f32>| CoherenceMap { label, values: values.view() };
+        let map = |label, values: &'static Array2<f32>| CoherenceMap {
+            label,
+            values: values.view(),
+            top: (label == "noise").then_some(1.0),
+        };
         let (rate, nothing) = (Box::leak(Box::new(rate)), Box::leak(Box::new(nothing)));
         let figure = CoherenceMaps {
             label: "F.npy",

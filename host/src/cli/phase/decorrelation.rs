@@ -94,21 +94,26 @@ impl Decorrelation {
     pub(super) fn draw(&self) -> Canvas {
         let walk = self.walk();
         let unit = self.unit;
-        let mut maps: Vec<(String, &[f32])> =
-            vec![(format!("decay rate / (1/{unit})"), self.image(Quantity::DecayRate))];
+        let rate = self.image(Quantity::DecayRate);
+        let mut maps = vec![(format!("decay rate / (1/{unit})"), rate, None)];
         if let Some(walk) = &walk {
-            maps.push((format!("walk of the path to the scatterers / (nm a root {unit})"), walk));
+            maps.push((format!("walk / (nm a root {unit})"), walk, None));
         }
-        maps.push(("static share".to_owned(), self.image(Quantity::Static)));
-        maps.push(("noise share".to_owned(), self.image(Quantity::Noise)));
+        maps.push(("static share".to_owned(), self.image(Quantity::Static), Some(1.0)));
+        maps.push(("noise share".to_owned(), self.image(Quantity::Noise), Some(1.0)));
         let maps: Vec<CoherenceMap<'_>> =
-            maps.iter().filter_map(|(label, values)| self.map(label, values)).collect();
+            maps.iter().filter_map(|(label, values, top)| self.map(label, values, *top)).collect();
         CoherenceMaps { label: &self.label, maps }.draw()
     }
 
-    fn map<'a>(&self, label: &'a str, values: &'a [f32]) -> Option<CoherenceMap<'a>> {
+    fn map<'a>(
+        &self,
+        label: &'a str,
+        values: &'a [f32],
+        top: Option<f32>,
+    ) -> Option<CoherenceMap<'a>> {
         let values = ArrayView2::from_shape(self.size, values).ok()?;
-        Some(CoherenceMap { label, values })
+        Some(CoherenceMap { label, values, top })
     }
 }
 
