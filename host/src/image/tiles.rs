@@ -254,8 +254,8 @@ impl LaneTask for TileTask<'_> {
         let n = self.fit.plan.frames();
         let depths = self.fit.plan.depths.all().len();
         let in_first = self.fit.plan.depths.in_first();
-        let layers: Vec<Range<usize>> =
-            if in_first == depths { vec![0..depths] } else { vec![0..in_first, in_first..depths] };
+        let both = [0..in_first, in_first..depths];
+        let layers: Vec<Range<usize>> = both.into_iter().filter(|zs| !zs.is_empty()).collect();
         let mut sums = vec![Sums::new(n)?; layers.len()];
         let mut blocks = 0;
         for y in self.band.rows.clone().step_by(self.block.side) {
