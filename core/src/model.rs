@@ -40,6 +40,9 @@ impl<T> Buffers<'_, T> {
 /// a probability of exp(-1 - 4.6) = 0.4 %, as its square is exponentially distributed.
 const CHANCE: f64 = 4.6;
 
+/// Standard deviations of chance below which the mean squared coherence of one lag counts as none.
+const SEEN: f64 = 3.0;
+
 /// Least product of two qualities whose pair counts in a blind fit.
 const LEAST_SHARE: f64 = 0.1;
 
@@ -113,7 +116,8 @@ impl<'a, T: Real> Model<'a, T> {
         &self.lags
     }
 
-    /// Has the first fit found any coherence? Without, all qualities are 0 and Gamma is the unit matrix.
+    /// Has the first fit found any coherence? Without, all qualities and shares are 0 and Gamma is the unit
+    /// matrix.
     #[must_use]
     pub const fn is_coherent(&self) -> bool {
         self.coherent
@@ -135,7 +139,8 @@ impl<'a, T: Real> Model<'a, T> {
         self.coherent = self.is_beyond_chance(square);
         if !self.coherent {
             self.quality.fill(T::zero());
-            self.fit_to_squares(square);
+            self.mixture.shares.fill(T::zero());
+            self.fill();
         }
     }
 
@@ -168,7 +173,7 @@ impl<'a, T: Real> Model<'a, T> {
             };
             let value = |i, j| square.at(i, j) / shares(i, j).max(T::from_f64(1e-12));
             *mean = self.lags.mean(group, value, shares);
-            let chance = 3.0 / (self.looks * libm::sqrt(mean.pairs.to_f64().max(1.0)));
+            let chance = SEEN / (self.looks * libm::sqrt(mean.pairs.to_f64().max(1.0)));
             let seen = mean.mean >= T::from_f64(chance);
             mean.mean = if seen { mean.mean.min(T::one()).sqrt() } else { T::zero() };
         }
@@ -372,6 +377,11 @@ mod tests {
             |model| {
                 assert!((0..N).all(|i| (0..N).all(|j| i == j || model.gamma.at(i, j) == 0.0)));
                 assert!(model.quality.iter().all(|&s| s < 0.3), "{:?}", model.quality);
+                assert!(
+                    !model.is_coherent() && model.mixture.noise() == 1.0,
+                    "{:?}",
+                    model.mixture
+                );
             },
         );
     }

@@ -20,7 +20,20 @@ pub struct Pair<'a, L> {
     pub depths: usize,
 }
 
-impl<L: Lanes> Pair<'_, L> {
+impl<'a, L: Lanes> Pair<'a, L> {
+    /// Frames t and s of a strip whose frames are `size` places long.
+    #[inline(always)]
+    pub fn of(
+        fields: &'a [Complex<L>],
+        size: usize,
+        [t, s]: [usize; 2],
+        in_first: usize,
+        depths: usize,
+    ) -> Self {
+        let field = |frame: usize| &fields[frame * size..][..size];
+        Self { earlier: field(t), later: field(s), in_first, depths }
+    }
+
     /// C or C^{Z1-Z2} at one place of the strip; `plane` places make one depth.
     #[inline(always)]
     fn cross_spectrum(&self, place: usize, plane: usize) -> Complex<L> {

@@ -202,13 +202,7 @@ impl<L: Lanes> Worker<L> {
         let Self { stages, layout, window, fields, averager, inverse_root, .. } = self;
         let places = rows * layout.blocks;
         let size = self.depths.len() * (rows + 2 * stages.halo()) * layout.blocks;
-        let field = &fields[i * size..][..size];
-        let pair = Pair {
-            earlier: field,
-            later: field,
-            in_first: self.in_first,
-            depths: self.depths.len(),
-        };
+        let pair = Pair::of(fields, size, [i, i], self.in_first, self.depths.len());
         let own = &mut inverse_root[i * places..][..places];
         averager.run(layout, window, rows, pair, |place, c| {
             let lit = L::from_f64(f64::from(f32::MIN_POSITIVE)).lt(c.re);
@@ -223,12 +217,7 @@ impl<L: Lanes> Worker<L> {
         let Self { stages, layout, window, fields, averager, inverse_root, gamma, .. } = self;
         let places = rows * layout.blocks;
         let size = self.depths.len() * (rows + 2 * stages.halo()) * layout.blocks;
-        let pair = Pair {
-            earlier: &fields[i * size..][..size],
-            later: &fields[j * size..][..size],
-            in_first: self.in_first,
-            depths: self.depths.len(),
-        };
+        let pair = Pair::of(fields, size, [i, j], self.in_first, self.depths.len());
         let root = |frame: usize| &inverse_root[frame * places..][..places];
         let (root_i, root_j) = (root(i), root(j));
         let target = &mut gamma[j * places..][..places];

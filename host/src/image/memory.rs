@@ -4,7 +4,7 @@ use super::filter::Passes;
 use super::linked;
 use super::phase::{Sample, Workspace};
 use super::strip::Layout;
-use super::{ImageJob, Kernel};
+use super::{ImageJob, Kernel, Tiles};
 use crate::error::{Error, Result};
 use crate::io::Shape;
 use crate::lanes::Lanes;
@@ -20,7 +20,7 @@ pub struct MemoryPlan {
     pub strip_rows: usize,
     /// Threads that have work.
     pub threads: usize,
-    /// Bytes of the strips of all threads.
+    /// Bytes of the strips of all threads, and of the tiles that linked phases start from.
     pub bytes: u64,
 }
 
@@ -31,7 +31,8 @@ impl MemoryPlan {
         let mut rows = PREFERRED_ROWS.min(height);
         loop {
             let threads = job.threads.clamp(1, height.div_ceil(rows));
-            let bytes = threads as u64 * bytes_per_thread::<L>(job, kernel, rows)?;
+            let strips = threads as u64 * bytes_per_thread::<L>(job, kernel, rows)?;
+            let bytes = strips + job.tiles.map_or(0, Tiles::bytes);
             if bytes <= job.memory {
                 return Ok(Self { strip_rows: rows, threads, bytes });
             }

@@ -24,7 +24,7 @@ pub use kernel::Kernel;
 pub use memory::MemoryPlan;
 pub use tiles::{Fit, Tile, Tiles};
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::io::{Series, Shape};
 use crate::lanes::Path;
 use crate::method::{Average, Method, Plan};
@@ -78,8 +78,11 @@ impl ImageJob<'_> {
     /// Height of the strips and the memory they take.
     ///
     /// # Errors
-    /// When sigma does not fit the image or not even one row fits the memory.
+    /// When sigma does not fit the image, not even one row fits the memory, or linked phases lack their tiles.
     pub fn memory_plan(&self) -> Result<MemoryPlan> {
+        if self.plan.method == Method::Linked && self.tiles.is_none() {
+            return Err(Error::failed("linked phases need the coherence of the image's tiles"));
+        }
         let kernel = self.kernel()?;
         dispatch::memory_plan(self, &kernel)
     }

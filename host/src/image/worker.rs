@@ -156,12 +156,7 @@ impl<L: Lanes> Worker<L> {
         let by_phasor = CH == 4 && run.job.plan.average == Average::Phasor;
         let mut frames_begun = 0;
         for (index, &(t, s)) in pairs.iter().enumerate() {
-            let pair = Pair {
-                earlier: &fields[t * frame_size..][..frame_size],
-                later: &fields[s * frame_size..][..frame_size],
-                in_first,
-                depths: depths.len(),
-            };
+            let pair = Pair::of(fields, frame_size, [t, s], in_first, depths.len());
             passes.run::<CH>(layout, rows, pair, |row, vector, means: [L; CH]| {
                 let place = row * blocks + vector;
                 let cross = Complex { re: means[0], im: means[1] };
