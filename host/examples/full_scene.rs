@@ -23,11 +23,12 @@ use std::time::Instant;
 const LAGS: [usize; 5] = [1, 2, 5, 10, 20];
 /// Pixels taken off the mask's edge for the second error.
 const RIM: usize = 4;
-const METHODS: [(&str, Method); 4] = [
+const METHODS: [(&str, Method); 5] = [
     ("direct", Method::Direct),
     ("one-step", Method::OneStep),
     ("paper", Method::Paper(Weighting::Paper)),
     ("paper, fisher weights", Method::Paper(Weighting::Fisher)),
+    ("linked", Method::Linked),
 ];
 
 fn main() -> Result<()> {

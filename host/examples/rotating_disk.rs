@@ -80,10 +80,15 @@ fn run(arguments: &Arguments) -> Result<()> {
     }
     println!(
         "{} pixels within {RADIUS_MM} mm of the centre; sigma_Gauss = {GAUSSIAN_PX} px\n\
-         plane fitted to the walked phase; residuals in rad, noise wrapped to -pi..pi has 1.81\n",
+         planes fitted to the walked, the linked and the paper's phase; residuals in rad, noise wrapped to\n\
+         -pi..pi has 1.81 (direct: against the plane of the walked phase)\n",
         disk.pixels()
     );
-    println!("  steps   x: rad/mm   per step   z: rad/mm       R^2   walked   direct");
+    println!(
+        "         walked                                       linked                 residuals\n  \
+         steps   x: rad/mm   per step   z: rad/mm       R^2   x: rad/mm   z: rad/mm   walked   linked    \
+         paper   direct"
+    );
     for step in &steps {
         print_step(step);
     }
@@ -93,13 +98,17 @@ fn run(arguments: &Arguments) -> Result<()> {
 
 fn print_step(step: &Step) {
     println!(
-        "  {:>5} {:>11.3} {:>10.4} {:>11.3} {:>9.4} {:>8.2} {:>8.2}",
+        "  {:>5} {:>11.3} {:>10.4} {:>11.3} {:>9.4} {:>11.3} {:>11.3} {:>8.3} {:>8.3} {:>8.2} {:>8.2}",
         step.steps,
         step.slope_x_rad_per_mm,
         step.slope_x_rad_per_mm / step.steps as f64,
         step.slope_z_rad_per_mm,
         step.r_squared,
+        step.linked_slope_x_rad_per_mm,
+        step.linked_slope_z_rad_per_mm,
         step.walked_residual_rad,
+        step.linked_residual_rad,
+        step.paper_residual_rad,
         step.direct_residual_rad,
     );
 }

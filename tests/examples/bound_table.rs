@@ -4,7 +4,7 @@
 //! error, and the standard deviation of the standard scores.
 
 use phasewalk::progress::Progress;
-use phasewalk::study::{ESTIMATORS, run, scenarios};
+use phasewalk::study::{Estimator, run, scenarios};
 
 /// The seed of the published table.
 const SEED: u64 = 1;
@@ -16,9 +16,9 @@ fn main() {
     let looks: Vec<usize> =
         looks.split(',').map(|n| n.parse().expect("LOOKS are numbers")).collect();
     let wanted: Vec<String> = arguments.collect();
-    print!("| scenario | looks | bound, rad |");
-    println!("{}", ESTIMATORS.map(|(name, _)| format!(" {name} |")).concat());
-    println!("|---|---|---|{}", "---|".repeat(ESTIMATORS.len()));
+    let names = Estimator::ALL.map(|estimator| format!(" {} |", estimator.name()));
+    println!("| scenario | looks | bound, rad |{}", names.concat());
+    println!("|---|---|---|{}", "---|".repeat(names.len()));
     for scenario in scenarios() {
         if !wanted.is_empty() && !wanted.iter().any(|name| scenario.name.contains(name.as_str())) {
             continue;
@@ -27,14 +27,9 @@ fn main() {
             let progress = Progress::new(scenario.name, trials as u64);
             let scores = run(&scenario, looks, trials, SEED, &progress).expect("enough memory");
             drop(progress);
-            print!("| {} | {looks} | {:.4} |", scenario.name, scenario.bound(looks as f64));
-            for score in scores {
-                let lost =
-                    if score.lost > 0 { format!(", {} lost", score.lost) } else { String::new() };
-                let (over, error) = (score.over_bound, score.standard_error);
-                print!(" {over:.3} ± {error:.3}, z {:.2}{lost} |", score.z);
-            }
-            println!();
+            let entries: String = scores.iter().map(|score| format!(" {score} |")).collect();
+            let bound = scenario.bound(looks as f64);
+            println!("| {} | {looks} | {bound:.4} |{entries}", scenario.name);
         }
     }
 }

@@ -18,6 +18,7 @@ use crate::looks::{Looks, SpatialCoherence};
 use crate::method::{Depths, Method, Plan};
 use crate::series::survey;
 use ndarray::{Array3, Axis};
+use phasewalk_core::weights::Weighting;
 use serde::Serialize;
 
 /// σ_Gauss of the average, pixels.
@@ -78,14 +79,24 @@ pub struct Step {
     pub walked_residual_rad: f64,
     /// Root mean square of direct difference − plane, wrapped, rad; noise has 1.81.
     pub direct_residual_rad: f64,
+    /// Slope of the linked phase along x, rad/mm.
+    pub linked_slope_x_rad_per_mm: f64,
+    /// Slope of the linked phase along z, rad/mm.
+    pub linked_slope_z_rad_per_mm: f64,
+    /// Root mean square of linked phase − its own plane, rad.
+    pub linked_residual_rad: f64,
+    /// Root mean square of the paper's least squares − its own plane, rad.
+    pub paper_residual_rad: f64,
 }
 
-/// The phases of a series by both methods.
+/// The phases of a series by all methods.
 pub struct RotatingDisk {
     geometry: Geometry,
     /// Against the first shot, radians, (time, z, x).
     walked: Array3<f32>,
     direct: Array3<f32>,
+    linked: Array3<f32>,
+    paper: Array3<f32>,
 }
 
 impl RotatingDisk {
@@ -114,7 +125,9 @@ impl RotatingDisk {
         };
         let walked = phases(Method::OneStep, "one-step walk")?;
         let direct = phases(Method::Direct, "direct difference")?;
-        Ok(Self { geometry, walked, direct })
+        let linked = phases(Method::Linked, "linked phases")?;
+        let paper = phases(Method::Paper(Weighting::Paper), "paper's least squares")?;
+        Ok(Self { geometry, walked, direct, linked, paper })
     }
 
     /// Shots after the first.
@@ -134,7 +147,9 @@ impl RotatingDisk {
     /// # Errors
     /// When there are not that many shots, or too few pixels of the disk.
     pub fn step(&self, steps: usize) -> Result<Step> {
-        let fit = self.fit(steps)?;
+        let fit = self.fit(&self.walked, steps)?;
+        let [linked, paper] = [&self.linked, &self.paper].map(|phase| self.fit(phase, steps));
+        let (linked, paper) = (linked?, paper?);
         let direct = self.fitted().map(|[row, column]| {
             let [x, z] = self.geometry.place(row, column);
             wrapped(f64::from(self.direct[[steps, row, column]]) - fit.plane.at(x, z))
@@ -146,20 +161,25 @@ impl RotatingDisk {
             r_squared: fit.r_squared,
             walked_residual_rad: fit.residual,
             direct_residual_rad: rms(direct),
+            linked_slope_x_rad_per_mm: linked.plane.slope_x,
+            linked_slope_z_rad_per_mm: linked.plane.slope_z,
+            linked_residual_rad: linked.residual,
+            paper_residual_rad: paper.residual,
         })
     }
 
-    /// The plane through the walked phase after `steps` shots.
-    fn fit(&self, steps: usize) -> Result<Fit> {
+    /// The plane through a phase after `steps` shots.
+    fn fit(&self, phase: &Array3<f32>, steps: usize) -> Result<Fit> {
         if steps > self.last() {
             let last = self.last();
             return Err(Error::usage(format!("step {steps}: the series has steps 0 ..= {last}")));
         }
         let point = |[row, column]: [usize; 2]| {
             let [x, z] = self.geometry.place(row, column);
-            Point { x, z, phase: f64::from(self.walked[[steps, row, column]]) }
+            Point { x, z, phase: f64::from(phase[[steps, row, column]]) }
         };
-        let points: Vec<Point> = self.fitted().map(point).collect();
+        let points = self.fitted().map(point).filter(|point| point.phase.is_finite());
+        let points: Vec<Point> = points.collect();
         let none = || Error::failed("the disk covers too few pixels of the series for a fit");
         Fit::of(&points).ok_or_else(none)
     }
@@ -182,7 +202,7 @@ impl RotatingDisk {
     /// # Errors
     /// Those of [`Self::step`].
     pub fn figure(&self) -> Result<Canvas> {
-        let fit = self.fit(self.last())?;
+        let fit = self.fit(&self.walked, self.last())?;
         let (line, slope, last) = (self.line(&fit), fit.plane.slope_x, self.last());
         let left = line.less_law();
         let label = minus(&format!("along x through the centre, {slope:.2} rad/mm"));
@@ -275,6 +295,7 @@ mod tests {
         let step = disk.step(4).unwrap();
         assert!((step.slope_x_rad_per_mm + 4.0 * 0.26).abs() < 0.02, "{step:?}");
         assert!(step.slope_z_rad_per_mm.abs() < 1e-3 && step.r_squared > 0.999, "{step:?}");
+        assert!((step.linked_slope_x_rad_per_mm + 4.0 * 0.26).abs() < 0.02, "{step:?}");
         assert!(disk.step(5).is_err());
         assert!(disk.figure().unwrap().png().is_ok());
     }

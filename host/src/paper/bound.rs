@@ -4,7 +4,7 @@ use super::settings::Settings;
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::report::Table;
-use crate::study::{ESTIMATORS, Scenario, Score, run, scenarios};
+use crate::study::{Estimator, Scenario, Score, run, scenarios};
 
 /// Looks behind the averages: a region of a small image, and of a large one.
 pub const LOOKS: [usize; 2] = [100, 1000];
@@ -18,7 +18,7 @@ pub struct BoundRow {
     pub looks: usize,
     /// Bound of the standard deviation of φ_{N-1} − φ_0, radians.
     pub bound_rad: f64,
-    /// By each of [`ESTIMATORS`].
+    /// By each of [`Estimator::ALL`].
     pub scores: Vec<Score>,
 }
 
@@ -47,7 +47,7 @@ pub fn compute(settings: &Settings) -> Result<Vec<BoundRow>> {
 #[must_use]
 pub fn table(rows: &[BoundRow], trials: usize) -> Table {
     let header = ["scenario", "looks", "bound, rad"].into_iter().map(str::to_owned);
-    let names = ESTIMATORS.map(|(name, _)| name.to_owned());
+    let names = Estimator::ALL.map(|estimator| estimator.name().to_owned());
     let cells = |row: &BoundRow| {
         let name = row.scenario.to_owned();
         let first = vec![name, row.looks.to_string(), format!("{:.4}", row.bound_rad)];

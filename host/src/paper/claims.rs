@@ -14,7 +14,7 @@ use super::scene::Scene;
 use super::statistics::Statistics;
 use crate::figures::curves::half_lag;
 use crate::simulate::START_FRAME;
-use crate::study::ESTIMATORS;
+use crate::study::Estimator;
 
 /// What the number must be.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -321,7 +321,7 @@ fn of_correlation(statistics: &[Statistics; 4]) -> Vec<Claim> {
 fn of_outliers(bound: &[BoundRow]) -> Vec<Claim> {
     let row = bound.iter().find(|row| row.scenario == "3 outliers" && row.looks == 1000);
     let over = |name: &str| {
-        let place = ESTIMATORS.iter().position(|&(known, _)| known == name);
+        let place = Estimator::ALL.iter().position(|known| known.name() == name);
         let score = row.zip(place).and_then(|(row, place)| row.scores.get(place));
         score.map_or(f64::NAN, |score| score.over_bound)
     };
@@ -361,7 +361,7 @@ mod tests {
     fn the_outliers_are_found_in_the_study() {
         let names: Vec<&str> = crate::study::scenarios().iter().map(|s| s.name).collect();
         assert!(names.contains(&"3 outliers"));
-        let known = ESTIMATORS.map(|(name, _)| name);
+        let known = Estimator::ALL.map(Estimator::name);
         assert!(["one-step", "paper", "linked"].iter().all(|name| known.contains(name)));
     }
 }

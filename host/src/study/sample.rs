@@ -1,11 +1,11 @@
-//! One random series: U_n = exp(i phi_n) sum over k of R_nk g_k, with Gamma = R R^T and L looks of independent complex normal g.
+//! A random series: U_n = exp(i phi_n) sum over k of R_nk g_k, with Gamma = R R^T and L looks of independent complex normal g.
 
 use crate::allocate::zeros;
 use crate::error::Result;
 use crate::lanes::{LaneTask, Lanes, Path};
 use crate::simulate::philox::{key, philox4x32};
 use crate::simulate::vector_math::normal_pair;
-use num_complex::{Complex, Complex64};
+use num_complex::{Complex, Complex32, Complex64};
 use phasewalk_core::cross_spectrum::cross_spectrum;
 use phasewalk_core::ensemble::PairMean;
 use phasewalk_core::weights::unit_phasor;
@@ -24,14 +24,8 @@ pub(super) struct Sample {
 
 impl Sample {
     /// Series number `trial` of `seed`.
-    pub(super) fn draw(
-        root: &[f64],
-        phase: &[f64],
-        looks: usize,
-        seed: u64,
-        trial: usize,
-    ) -> Result<Self> {
-        Path::best()?.run(Draw { root, phase, looks, seed, trial })?
+    pub(super) fn draw(draw: Draw<'_>) -> Result<Self> {
+        Path::best()?.run(draw)?
     }
 
     /// ⟨U_i conj U_j⟩ of all frames.
@@ -53,12 +47,16 @@ impl Sample {
     }
 }
 
-struct Draw<'a> {
-    root: &'a [f64],
-    phase: &'a [f64],
-    looks: usize,
-    seed: u64,
-    trial: usize,
+/// What a series is drawn from.
+#[derive(Clone, Copy)]
+pub(super) struct Draw<'a> {
+    /// R, N x N.
+    pub root: &'a [f64],
+    /// phi, N.
+    pub phase: &'a [f64],
+    pub looks: usize,
+    pub seed: u64,
+    pub trial: usize,
 }
 
 impl LaneTask for Draw<'_> {
@@ -67,7 +65,7 @@ impl LaneTask for Draw<'_> {
     #[inline(always)]
     fn run<L: Lanes<Element = f32>>(self) -> Result<Sample> {
         let n = self.phase.len();
-        let fields = self.fields::<L>()?;
+        let fields = self.fields::<L>();
         let vectors = fields.len() / n;
         let frame = |t: usize| &fields[t * vectors..][..vectors];
         let mut cross: Vec<Complex64> = zeros(n * n, SERIES)?;
@@ -85,9 +83,14 @@ impl LaneTask for Draw<'_> {
 }
 
 impl Draw<'_> {
+    /// The fields, (frame, look).
+    pub(super) fn looks(self) -> Result<Vec<Complex32>> {
+        Path::best()?.run(Looks(self))
+    }
+
     /// The fields without their phase, (frame, vector); lanes beyond the looks are dark.
     #[inline(always)]
-    fn fields<L: Lanes<Element = f32>>(&self) -> Result<Vec<Complex<L>>> {
+    fn fields<L: Lanes<Element = f32>>(&self) -> Vec<Complex<L>> {
         let n = self.phase.len();
         let vectors = self.looks.div_ceil(L::WIDTH);
         let zero = Complex { re: L::zero(), im: L::zero() };
@@ -112,7 +115,32 @@ impl Draw<'_> {
                 }
             }
         }
-        Ok(fields)
+        fields
+    }
+}
+
+/// The fields with their phase, look by look.
+struct Looks<'a>(Draw<'a>);
+
+impl LaneTask for Looks<'_> {
+    type Output = Vec<Complex32>;
+
+    #[inline(always)]
+    fn run<L: Lanes<Element = f32>>(self) -> Vec<Complex32> {
+        let Self(draw) = self;
+        let fields = draw.fields::<L>();
+        let frames = fields.chunks_exact(fields.len() / draw.phase.len()).zip(draw.phase);
+        let mut looks = Vec::with_capacity(draw.phase.len() * draw.looks);
+        for (frame, &phase) in frames {
+            let turn = Complex64::from_polar(1.0, phase);
+            let turn = Complex32::new(turn.re as f32, turn.im as f32);
+            let lanes = frame.iter().flat_map(|u| {
+                let re = L::flat(std::slice::from_ref(&u.re)).iter();
+                re.zip(L::flat(std::slice::from_ref(&u.im)))
+            });
+            looks.extend(lanes.take(draw.looks).map(|(&re, &im)| Complex32::new(re, im) * turn));
+        }
+        looks
     }
 }
 
@@ -147,9 +175,12 @@ mod tests {
     fn samples_have_the_scenarios_coherence() {
         let scenario = &scenarios()[0];
         let n = scenario.times.len();
-        let draw =
-            |trial| Sample::draw(&scenario.root(), &scenario.phase, 20_000, 1, trial).unwrap();
+        let root = scenario.root();
+        let from =
+            |trial| Draw { root: &root, phase: &scenario.phase, looks: 20_000, seed: 1, trial };
+        let draw = |trial| Sample::draw(from(trial)).unwrap();
         let sample = draw(0);
+        let looks = from(0).looks().unwrap();
         let cross = sample.cross();
         let power = cross[0].re;
         for (t, s) in [(0, 1), (10, 13), (40, 60), (69, 20)] {
@@ -157,6 +188,10 @@ mod tests {
             let expected = turn * scenario.gamma[t * n + s];
             // The spread is 1/sqrt(20,000) = 0.007.
             assert!((cross[t * n + s] / power - expected).norm() < 0.03, "{t} {s}");
+            let of = |t: usize| &looks[t * 20_000..][..20_000];
+            let mean = of(t).iter().zip(of(s)).map(|(u, v)| u * v.conj()).sum::<Complex32>();
+            let mean = Complex64::new(f64::from(mean.re), f64::from(mean.im)) / 20_000.0;
+            assert!((mean - cross[t * n + s]).norm() < 1e-3 * power, "{t} {s}");
         }
         assert!((draw(1).cross()[5] - cross[5]).norm() > 1e-6);
     }

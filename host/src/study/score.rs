@@ -10,17 +10,20 @@ pub struct Scores {
 }
 
 impl Scores {
-    /// Phases against the first frame, their standard deviations, and the truth.
+    /// Phases against the first frame, their standard deviations (infinite: not measured, NaN: not told), and the
+    /// truth.
     #[must_use]
     pub fn of(phases: &[f64], sigmas: &[f64], truth: &[f64]) -> Self {
         let mut scores = Self { end: f64::NAN, squares: 0.0, frames: 0 };
         for (i, (&phase, &sigma)) in phases.iter().zip(sigmas).enumerate().skip(1) {
             let error = phase - (truth[i] - truth[0]);
-            if !error.is_finite() || !sigma.is_finite() {
+            if !error.is_finite() || sigma.is_infinite() {
                 continue;
             }
-            scores.squares += (error / sigma).powi(2);
-            scores.frames += 1;
+            if !sigma.is_nan() {
+                scores.squares += (error / sigma).powi(2);
+                scores.frames += 1;
+            }
             if i + 1 == truth.len() {
                 scores.end = error;
             }
@@ -36,7 +39,8 @@ pub struct Score {
     pub over_bound: f64,
     /// Its standard error: over_bound / sqrt(2 trials).
     pub standard_error: f64,
-    /// Standard deviation of the standard scores of all frames.
+    /// Standard deviation of the standard scores of all frames; NaN where the estimator tells no standard
+    /// deviation.
     pub z: f64,
     /// Trials without an end phase, which do not count.
     pub lost: usize,
@@ -64,5 +68,19 @@ impl Score {
             z: (z / frames as f64).sqrt(),
             lost,
         }
+    }
+}
+
+/// Over the bound ± standard error, standard deviation of the scores if there are any, trials lost if there are any.
+impl std::fmt::Display for Score {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{:.3} ± {:.3}", self.over_bound, self.standard_error)?;
+        if !self.z.is_nan() {
+            write!(f, ", z {:.2}", self.z)?;
+        }
+        if self.lost > 0 {
+            write!(f, ", {} lost", self.lost)?;
+        }
+        Ok(())
     }
 }
