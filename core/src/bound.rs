@@ -7,6 +7,9 @@ use crate::square::{Square, dot};
 /// tied to its neighbours, so that matrices can be inverted.
 const TIE: f64 = 1e-6;
 
+/// Coherence below which there is none to divide between layers.
+const LEAST: f64 = 1e-9;
+
 /// Fisher information of the phases per 2 looks: F = Laplacian with the off-diagonal elements
 /// Q_ij Gamma_ij, Q = Gamma^-1 (its rows sum to 0: only phase differences are seen).
 ///
@@ -86,13 +89,68 @@ pub fn sandwich<T: Real>(
     a: &mut Square<'_, T>,
     b: &mut Square<'_, T>,
 ) {
-    let two = T::from_f64(2.0);
-    a.product(precision, aligned); // Q R; R Q is its transpose
-    out.product(a, precision); // Q R Q
-    b.fill_with(|i, j| {
-        T::from_f64(2.0 / looks) * (aligned.at(i, j) * out.at(i, j) - a.at(j, i) * a.at(i, j))
-    });
-    a.fill_with(|i, j| two * precision.at(i, j) * aligned.at(i, j));
+    b.fill_with(|_, _| T::zero());
+    add_score_covariance(precision, aligned, looks, b, a, out);
+    a.fill_with(|i, j| precision.at(i, j) * aligned.at(i, j));
+    enclose(out, a, b);
+}
+
+/// Covariance of the phases of the difference of two layers, linked with the precision Q of Gamma from the products of
+/// their mean cross-spectra in sub-windows of l looks: A^-1 B A^-1 with A = Laplacian of 2 Q o Gamma and
+///
+/// B = B(Q o Gamma_2, Gamma_1, L) + B(Q o Gamma_1, Gamma_2, L) + B(Q, Gamma, L l),
+/// B(P, R, L) = (2/L) (R o (P R P) - (R P) o (P R)):
+///
+/// the noise of each layer, seen through the coherence of the other, and the product of both noises. Gamma =
+/// Gamma_1 o Gamma_2 is divided between the layers as Gamma_1 = Gamma^share, Gamma_2 = Gamma^(1 - share). The result is
+/// in `out`; the rest is scratch. All have the same order.
+pub fn layered_sandwich<T: Real>(
+    precision: &Square<'_, T>,
+    gamma: &Square<'_, T>,
+    share: f64,
+    [looks, window_looks]: [f64; 2],
+    out: &mut Square<'_, T>,
+    [a, b, seen, own]: [&mut Square<'_, T>; 4],
+) {
+    let power = |i: usize, j: usize, exponent: f64| {
+        let positive = gamma.at(i, j).max(T::from_f64(LEAST));
+        (positive.ln() * T::from_f64(exponent)).exp()
+    };
+    b.fill_with(|_, _| T::zero());
+    for share in [share, 1.0 - share] {
+        own.fill_with(|i, j| power(i, j, share));
+        seen.fill_with(|i, j| precision.at(i, j) * power(i, j, 1.0 - share));
+        add_score_covariance(seen, own, looks, b, a, out);
+    }
+    add_score_covariance(precision, gamma, looks * window_looks, b, a, out);
+    a.fill_with(|i, j| precision.at(i, j) * gamma.at(i, j));
+    enclose(out, a, b);
+}
+
+/// sum <- sum + (2/L) (R o (P R P) - (R P) o (P R)); `a` and `c` are scratch.
+fn add_score_covariance<T: Real>(
+    precision: &Square<'_, T>,
+    coherence: &Square<'_, T>,
+    looks: f64,
+    sum: &mut Square<'_, T>,
+    a: &mut Square<'_, T>,
+    c: &mut Square<'_, T>,
+) {
+    a.product(precision, coherence); // P R; R P is its transpose
+    c.product(a, precision); // P R P
+    let share = T::from_f64(2.0 / looks);
+    for i in 0..sum.order() {
+        for j in 0..sum.order() {
+            let add = coherence.at(i, j) * c.at(i, j) - a.at(j, i) * a.at(i, j);
+            let value = sum.at(i, j) + share * add;
+            sum.set(i, j, value);
+        }
+    }
+}
+
+/// out = A^-1 B A^-1, A the Laplacian of twice what is in `a`; both are scratch afterwards.
+fn enclose<T: Real>(out: &mut Square<'_, T>, a: &mut Square<'_, T>, b: &mut Square<'_, T>) {
+    scale(a, 2.0);
     a.make_laplacian();
     tie_neighbours(a, T::from_f64(2.0 * TIE));
     invert_laplacian(a);
@@ -172,6 +230,35 @@ mod tests {
             let got = reported_variance(&out, &usable, 5, frame);
             assert!((got - expected).abs() < 1e-5 * expected, "{frame}: {got} of {expected}");
         }
+    }
+
+    /// A second layer that stays the same adds nothing; two alike have the variance of both, and a little more because
+    /// the product of their coherences is not that of Gaussian fields; products of noises add to it.
+    #[test]
+    fn layers_add_up() {
+        let mut data = [[0.0; N * N]; 8];
+        let [g, q, bound, out, rest @ ..] = &mut data;
+        let [mut a, mut b, mut c, mut d] = rest.each_mut().map(|data| Square::new(data, N));
+        let (mut out, mut bound, mut q) =
+            (Square::new(out, N), Square::new(bound, N), Square::new(q, N));
+        let usable = [1.0; N];
+        let mut over = |rho: f64, of_one: f64, share: f64, window: f64| {
+            let gamma = decay(of_one, g);
+            cramer_rao(&gamma, 50.0, &mut bound, &mut q);
+            let one = reported_variance(&bound, &usable, 1, N - 1);
+            let gamma = decay(rho, g);
+            q.copy_from(&gamma);
+            q.invert();
+            let scratch = [&mut a, &mut b, &mut c, &mut d];
+            layered_sandwich(&q, &gamma, share, [50.0, window], &mut out, scratch);
+            reported_variance(&out, &usable, 1, N - 1) / one
+        };
+        let still = over(0.95, 0.95, 1.0, 1e12);
+        assert!((still - 1.0).abs() < 1e-5, "{still}");
+        let alike = over(0.95 * 0.95, 0.95, 0.5, 1e12);
+        assert!((1.999..2.02).contains(&alike), "{alike}");
+        let small_windows = over(0.95 * 0.95, 0.95, 0.5, 4.0);
+        assert!(small_windows > alike + 0.01, "{small_windows}");
     }
 
     #[test]

@@ -52,6 +52,14 @@ const BLIND_REFITS: usize = 2;
 /// Times that differ by less, in units of the shortest interval, have the same coherence.
 const SAME: f64 = 1e-6;
 
+/// |gamma|^2 of Gaussian speckle from S = sum of |C|^2 / sum of P_i P_j over blocks of L looks each, inside which the
+/// phase is the same: S = (|gamma|^2 + 1/L) / (1 + |gamma|^2 / L), so |gamma|^2 = (S - 1/L) / (1 - S/L). It scatters
+/// around 0 without coherence.
+#[must_use]
+pub fn debias_blocks(s: f64, looks: f64) -> f64 {
+    (s - 1.0 / looks) / (1.0 - s / looks)
+}
+
 /// Cut the first `count` numbers off; fewer if there are not so many.
 pub(crate) fn take<'a, T>(rest: &mut &'a mut [T], count: usize) -> &'a mut [T] {
     let all = core::mem::take(rest);

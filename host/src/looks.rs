@@ -61,6 +61,15 @@ impl Looks {
     }
 }
 
+/// A square of pixels over which a cross-spectrum is averaged.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Block {
+    /// Pixels along a side.
+    pub side: usize,
+    /// Independent looks of the mean.
+    pub looks: f64,
+}
+
 /// |mu(d)|^2 for -reach <= dy, dx <= reach.
 pub struct SpatialCoherence {
     reach: isize,
@@ -148,11 +157,14 @@ impl SpatialCoherence {
         effective_looks(self.distances().map(|(dy, dx, s)| partners(dy, dx) * s / (count * count)))
     }
 
-    /// Side of the smallest square whose mean has at least `looks` effective looks, at most `limit`.
+    /// The smallest square whose mean has at least `looks` independent looks, at most `limit` pixels wide, where each pixel
+    /// counts as `of_pixel` looks (the depths of a layer).
     #[must_use]
-    pub fn side_of_looks(&self, looks: f64, limit: usize) -> usize {
-        let enough = |&side: &usize| self.looks_of_mask(&vec![true; side * side], side) >= looks;
-        (1..limit).find(enough).unwrap_or(limit.max(1))
+    pub fn block_of_looks(&self, looks: f64, of_pixel: f64, limit: usize) -> Block {
+        let of_side = |side: usize| self.looks_of_mask(&vec![true; side * side], side) * of_pixel;
+        let enough = |&side: &usize| of_side(side) >= looks;
+        let side = (1..limit).find(enough).unwrap_or(limit.max(1));
+        Block { side, looks: of_side(side) }
     }
 
     /// Effective looks of the mean under a Gaussian.

@@ -16,7 +16,7 @@ fn main() {
     let trials = std::env::args().nth(1).map_or(400, |n| n.parse().expect("TRIALS is a number"));
     println!("| scenario | looks | tilt, rad | linked |");
     println!("|---|---|---|---|");
-    for scenario in scenarios().iter().take(2) {
+    for scenario in scenarios().iter().take(4) {
         for side in SIDES {
             for across_rad in TILTS {
                 let progress = Progress::new(scenario.name, trials as u64);

@@ -2,7 +2,7 @@
 //! `cargo run --release -p phasewalk-tests --example oct_table -- [SEEDS] [PRESET ...]`, where a preset
 //! may have options of `simulate oct` behind it in the same argument.
 
-use phasewalk_tests::oct::{Scores, score};
+use phasewalk_tests::oct::{CurveError, Scores, score};
 use phasewalk_tests::program::Bench;
 
 fn main() {
@@ -20,17 +20,25 @@ fn main() {
     println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|");
     for preset in &presets {
         let scores: Vec<Scores> = (1..=seeds).map(|seed| row(preset, seed)).collect();
-        let mean = |of: fn(&Scores) -> f64| {
-            (scores.iter().map(|s| of(s).powi(2)).sum::<f64>() / scores.len() as f64).sqrt()
-        };
-        println!(
-            "| {preset} | rms | | | | | {:.3} | {:.3} | {:.3} | {:.3} | | | |",
-            mean(|s| s.linked),
-            mean(|s| s.paper),
-            mean(|s| s.phasor),
-            mean(|s| s.direct)
-        );
+        let curves: [fn(&Scores) -> CurveError; 4] =
+            [|s| s.linked, |s| s.paper, |s| s.phasor, |s| s.direct];
+        let summary = curves.map(|curve| {
+            let errors: Vec<CurveError> = scores.iter().map(curve).collect();
+            format!(" {} |", over_seeds(&errors))
+        });
+        println!("| {preset} | rms (end: mean ± deviation) | | | | |{} | | |", summary.concat());
     }
+}
+
+/// Root mean square over seeds and sweeps; mean of the error at the last sweep, which a bias leaves, and its standard
+/// deviation, which chance leaves.
+fn over_seeds(errors: &[CurveError]) -> String {
+    let mean =
+        |of: &dyn Fn(&CurveError) -> f64| errors.iter().map(of).sum::<f64>() / errors.len() as f64;
+    let rms = mean(&|error| error.rms.powi(2)).sqrt();
+    let end = mean(&|error| error.end);
+    let deviation = mean(&|error| (error.end - end).powi(2)).sqrt();
+    format!("{rms:.3} ({end:.3} ± {deviation:.3})")
 }
 
 fn row(preset: &str, seed: u64) -> Scores {
@@ -46,10 +54,10 @@ fn row(preset: &str, seed: u64) -> Scores {
         "| {preset} | {seed} | {a2:.2} / {a3:.2} | {dz:.3} {dy:.3} {dx:.3} | {:.2} | {isos:.3} / {tips:.3} | \
          {:.3} | {:.3} | {:.3} | {:.3} | {:?} | {:?} | {missed} / {false_ones} |",
         s.rotation * 1e3,
-        s.linked,
-        s.paper,
-        s.phasor,
-        s.direct,
+        s.linked.rms,
+        s.paper.rms,
+        s.phasor.rms,
+        s.direct.rms,
         s.bad_missed,
         s.good_lost
     );

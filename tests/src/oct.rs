@@ -12,6 +12,15 @@ const REFERENCE_SWEEPS: usize = 5;
 /// The unstimulated rim bleeds in through the aperture: so many pixels of the mask are left out.
 const ERODED_PX: usize = 2;
 
+/// How far a curve is from the truth.
+#[derive(Clone, Copy, Debug)]
+pub struct CurveError {
+    /// Root mean square over the sweeps, rad.
+    pub rms: f64,
+    /// At the last sweep, rad.
+    pub end: f64,
+}
+
 /// How far the results are from the truth: root mean squares over sweeps or pixels.
 #[derive(Clone, Debug)]
 pub struct Scores {
@@ -23,14 +32,14 @@ pub struct Scores {
     pub rotation: f64,
     /// IS/OS and tips, px; a common offset included.
     pub surfaces: [f64; 2],
-    /// Curve by the paper's method, rad.
-    pub paper: f64,
-    /// Linked curve, rad.
-    pub linked: f64,
-    /// Curve by the direct difference, rad.
-    pub direct: f64,
-    /// The paper's method on unit phasors, rad.
-    pub phasor: f64,
+    /// Curve by the paper's method.
+    pub paper: CurveError,
+    /// Linked curve.
+    pub linked: CurveError,
+    /// Curve by the direct difference.
+    pub direct: CurveError,
+    /// The paper's method on unit phasors.
+    pub phasor: CurveError,
     /// Sweeps taken for good that are bad.
     pub bad_missed: Vec<usize>,
     /// Sweeps taken for bad that are good.
@@ -99,8 +108,8 @@ pub fn compare(bench: &Bench) -> Scores {
     }
 }
 
-/// rms difference of the curve over the eroded mask to the true phase, over the used sweeps.
-fn curve_error(bench: &Bench, method: &str, used: &[usize]) -> f64 {
+/// Difference of the curve over the eroded mask to the true phase, in the used sweeps.
+fn curve_error(bench: &Bench, method: &str, used: &[usize]) -> CurveError {
     let _ = bench.succeed(&format!("phase V.zarr --mask eroded.npy {method} -o C.csv"));
     let table = std::fs::read_to_string(bench.path("C.csv")).expect("the curve was written");
     let column = |line: &str| line.split(',').nth(2).and_then(|text| text.parse::<f64>().ok());
@@ -110,7 +119,8 @@ fn curve_error(bench: &Bench, method: &str, used: &[usize]) -> f64 {
     assert_eq!(phases.len(), truth.len(), "a row per sweep");
     let head = &used[..REFERENCE_SWEEPS.min(used.len())];
     let reference = head.iter().map(|&t| truth[t]).sum::<f64>() / head.len() as f64;
-    rms(used.iter().map(|&t| phases[t] - (truth[t] - reference)))
+    let error = |&t: &usize| phases[t] - (truth[t] - reference);
+    CurveError { rms: rms(used.iter().map(error)), end: used.last().map_or(f64::NAN, error) }
 }
 
 /// The x without its rim, as `eroded.npy`.

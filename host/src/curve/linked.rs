@@ -1,6 +1,7 @@
 //! Maximum-likelihood phases of one region, with what was found out about its coherence.
 
-use super::region::Region;
+use super::layers::Neighbours;
+use super::region::{Region, WindowedPair};
 use crate::allocate::{filled, zeros};
 use crate::error::Result;
 use crate::io::CurveRow;
@@ -18,7 +19,7 @@ use rayon::prelude::*;
 pub const LINKED_WINDOW_LOOKS: f64 = 16.0;
 
 /// What the memory of an estimate is called when it is short.
-const MATRICES: &str = "the matrices of all pairs of frames";
+pub(super) const MATRICES: &str = "the matrices of all pairs of frames";
 
 /// Linked phases of a region.
 #[derive(Clone, Debug)]
@@ -45,24 +46,32 @@ pub fn link_region(
     looks: f64,
     progress: &Progress,
 ) -> Result<Linked> {
-    let mut cross = cross_spectra(region, plan, progress)?;
-    link(&mut cross, plan, looks)
-}
-
-/// ⟨U_i conj U_j⟩ of all frames, N x N.
-fn cross_spectra(region: &Region, plan: &Plan, progress: &Progress) -> Result<Vec<Complex64>> {
     let frames = plan.frames();
+    let two = if plan.depths.second.is_some() { region.window() } else { None };
+    let mut neighbours = Neighbours::default();
     let mut cross: Vec<Complex64> = zeros(frames * frames, MATRICES)?;
     for i in 0..frames {
-        let row: Vec<Complex64> =
-            (0..=i).into_par_iter().map(|j| region.windowed_mean(i, j)).collect();
-        for (j, &c) in row.iter().enumerate() {
-            cross[i * frames + j] = c;
-            cross[j * frames + i] = c.conj();
+        let row: Vec<WindowedPair> =
+            (0..=i).into_par_iter().map(|j| region.windowed_pair(i, j)).collect();
+        for (j, pair) in row.iter().enumerate() {
+            cross[i * frames + j] = pair.mean;
+            cross[j * frames + i] = pair.mean.conj();
+            if two.is_some() && j + 1 == i {
+                neighbours.add(region, j, pair);
+            }
         }
         progress.advance(1)?;
     }
-    Ok(cross)
+    let mut linked = link(&mut cross, plan, looks)?;
+    // A prior makes phases more certain than their averages are.
+    if let (Some(window), None) = (two, plan.acceleration) {
+        let sigmas: Vec<f64> = linked.rows.iter().map(|row| row.sigma_rad).collect();
+        let honest = neighbours.sigmas(window, plan, looks, &mut linked.gamma, &sigmas);
+        for (row, sigma) in linked.rows.iter_mut().zip(honest) {
+            row.sigma_rad = sigma;
+        }
+    }
+    Ok(linked)
 }
 
 /// Link the frames of averages ⟨U_i conj U_j⟩, N x N, of so many independent looks; they come back normalised.

@@ -5,8 +5,10 @@
 //! | `region` | the pixels of the mask, and averages over them |
 //! | `estimate` | direct difference, one-step walk, the paper's least squares |
 //! | `linked` | maximum likelihood with a fitted coherence |
+//! | `layers` | how exact that is for the difference of two layers |
 
 mod estimate;
+mod layers;
 mod linked;
 mod region;
 

@@ -3,6 +3,7 @@
 use crate::allocate::{reserve, zeros};
 use crate::error::{Error, Result};
 use crate::io::{Series, Shape};
+use crate::looks::Block;
 use crate::method::Plan;
 use crate::progress::Progress;
 use crate::series::Survey;
@@ -11,6 +12,16 @@ use phasewalk_core::cross_spectrum::cross_spectrum;
 use phasewalk_core::ensemble::{Ensemble, PairMean};
 use phasewalk_core::layers::layer_difference;
 use rayon::prelude::*;
+use std::ops::Range;
+
+/// Averages of one pair of frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct WindowedPair {
+    /// ⟨C⟩ over the region.
+    pub mean: Complex64,
+    /// Sum of |C_w|^2 over the full sub-windows, by layer.
+    pub squares: [f64; 2],
+}
 
 /// The fields of the pixels of a mask, all frames, in memory.
 pub struct Region {
@@ -19,6 +30,8 @@ pub struct Region {
     pixels: usize,
     depths: usize,
     in_first: usize,
+    /// What the sub-windows are.
+    window: Option<Block>,
     /// Where each sub-window ends in the order of the pixels.
     window_ends: Vec<usize>,
     /// Pixels of the mask that had to be left out.
@@ -32,8 +45,7 @@ impl Region {
         (pixels * frames * depths * size_of::<Complex32>()) as u64
     }
 
-    /// Read the usable pixels of `mask` (y, x), ordered by squares of `window` pixels' side, or row by
-    /// row without.
+    /// Read the usable pixels of `mask` (y, x), ordered by sub-windows, or row by row without.
     ///
     /// # Errors
     /// When none is usable, the series cannot be read, or the user interrupts.
@@ -42,7 +54,7 @@ impl Region {
         survey: &Survey,
         mask: &[bool],
         plan: &Plan,
-        window: Option<usize>,
+        window: Option<Block>,
         progress: &Progress,
     ) -> Result<Self> {
         let Shape { frames, height, width, .. } = series.shape();
@@ -54,7 +66,8 @@ impl Region {
                 "none of the {asked} pixels of the mask is usable (not finite, or zero in all frames)"
             )));
         }
-        let square = |&i: &usize| window.map(|side| (i / width / side, i % width / side));
+        let square =
+            |&i: &usize| window.map(|Block { side, .. }| (i / width / side, i % width / side));
         chosen.sort_by_key(square);
         let same = |a: &usize, b: &usize| square(a) == square(b);
         let window_ends = chosen.chunk_by(same).scan(0, |end, square| {
@@ -76,6 +89,7 @@ impl Region {
             pixels: chosen.len(),
             depths: depths.len(),
             in_first: plan.depths.in_first(),
+            window,
             window_ends: window_ends.collect(),
             left_out: asked - chosen.len(),
         })
@@ -108,36 +122,73 @@ impl Region {
         (0..frames).into_par_iter().map(mean).collect()
     }
 
-    /// ⟨C⟩ of one layer; of two layers the mean over the sub-windows, each with its number of pixels as
-    /// weight, of C_w^{Z1} conj C_w^{Z2}, where C_w is a layer's mean cross-spectrum in the sub-window.
+    /// Averages of the pair over the sub-windows: of one layer ⟨C⟩; of two layers the mean over the sub-windows, each
+    /// with its number of pixels as weight, of C_w^{Z1} conj C_w^{Z2}, where C_w is a layer's mean cross-spectrum in the
+    /// sub-window.
     #[must_use]
-    pub fn windowed_mean(&self, t: usize, s: usize) -> Complex64 {
-        let mut sum = Complex64::default();
-        let mut start = 0;
-        for &end in &self.window_ends {
-            let layer = |zs: std::ops::Range<usize>| -> Complex64 {
-                zs.map(|z| self.sum_of_pixels(t, s, z, start..end)).sum()
-            };
-            let first = layer(0..self.in_first);
-            sum += if self.in_first == self.depths {
-                first
-            } else {
-                let second = layer(self.in_first..self.depths);
-                layer_difference(first, second) / (end - start) as f64
-            };
-            start = end;
+    pub fn windowed_pair(&self, t: usize, s: usize) -> WindowedPair {
+        let mut pair = WindowedPair::default();
+        for window in self.windows() {
+            let pixels = window.len() as f64;
+            let layers = self.layers().map(|zs| self.sum_of_layer(t, s, zs, &window));
+            if self.is_full(&window) {
+                for (square, layer) in pair.squares.iter_mut().zip(layers) {
+                    *square += (layer / pixels).norm_sqr();
+                }
+            }
+            let [first, second] = layers;
+            let one = self.in_first == self.depths;
+            pair.mean += if one { first } else { layer_difference(first, second) / pixels };
         }
-        sum / self.pixels as f64
+        pair.mean /= self.pixels as f64;
+        pair
     }
 
-    /// Sum of U(t) conj U(s) over pixels of one depth.
-    fn sum_of_pixels(
+    /// ⟨|U(t)|^2⟩ of a layer in each full sub-window.
+    #[must_use]
+    pub fn window_powers(&self, t: usize, layer: usize) -> Vec<f64> {
+        let zs = &self.layers()[layer];
+        let power = |window: &Range<usize>| {
+            self.sum_of_layer(t, t, zs.clone(), window).re / window.len() as f64
+        };
+        self.windows().filter(|window| self.is_full(window)).map(|window| power(&window)).collect()
+    }
+
+    /// The sub-windows that the region was read with; without any, the whole region as one.
+    #[must_use]
+    pub fn window(&self) -> Option<Block> {
+        self.window
+    }
+
+    /// Has the sub-window at least half of its pixels?
+    fn is_full(&self, pixels: &Range<usize>) -> bool {
+        self.window.is_none_or(|Block { side, .. }| 2 * pixels.len() >= side * side)
+    }
+
+    /// The pixels of each sub-window.
+    fn windows(&self) -> impl Iterator<Item = Range<usize>> + '_ {
+        let starts = std::iter::once(&0).chain(&self.window_ends);
+        starts.zip(&self.window_ends).map(|(&start, &end)| start..end)
+    }
+
+    /// The depths of Z1 and of Z2.
+    fn layers(&self) -> [Range<usize>; 2] {
+        [0..self.in_first, self.in_first..self.depths]
+    }
+
+    /// Sum of U(t) conj U(s) over pixels and depths of a layer.
+    fn sum_of_layer(
         &self,
         t: usize,
         s: usize,
-        z: usize,
-        pixels: std::ops::Range<usize>,
+        zs: Range<usize>,
+        pixels: &Range<usize>,
     ) -> Complex64 {
+        zs.map(|z| self.sum_of_pixels(t, s, z, pixels.clone())).sum()
+    }
+
+    /// Sum of U(t) conj U(s) over pixels of one depth.
+    fn sum_of_pixels(&self, t: usize, s: usize, z: usize, pixels: Range<usize>) -> Complex64 {
         let of = |frame: usize| {
             let start = (frame * self.depths + z) * self.pixels;
             &self.fields[start + pixels.start..start + pixels.end]
@@ -157,7 +208,7 @@ impl Region {
             let u = self.fields[(frame * self.depths + z) * self.pixels + pixel];
             Complex { re: f64::from(u.re), im: f64::from(u.im) }
         };
-        let sum = |zs: std::ops::Range<usize>| -> Complex64 {
+        let sum = |zs: Range<usize>| -> Complex64 {
             zs.map(|z| cross_spectrum(field(t, z), field(s, z))).sum()
         };
         let first = sum(0..self.in_first);

@@ -15,7 +15,7 @@ use crate::allocate::{filled, zeros};
 use crate::error::Result;
 use crate::io::{Series, Shape};
 use crate::lanes::{LaneTask, Lanes, Path};
-use crate::looks::SpatialCoherence;
+use crate::looks::{Block, SpatialCoherence};
 use crate::method::Plan;
 use crate::progress::Progress;
 use crate::series::Survey;
@@ -25,7 +25,7 @@ use phasewalk_core::coherence::{Lag, Mixture};
 use phasewalk_core::cross_spectrum::cross_spectrum;
 use phasewalk_core::lags::Lags;
 use phasewalk_core::linking::is_usable;
-use phasewalk_core::model::{Buffers, Model};
+use phasewalk_core::model::{Buffers, Model, debias_blocks};
 use phasewalk_core::square::Square;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -111,10 +111,8 @@ impl Fit<'_> {
 
     fn block(&self) -> Block {
         let Shape { height, width, .. } = self.series.shape();
-        let lateral = BLOCK_LOOKS / self.looks_of_layers;
-        let side = self.coherence.side_of_looks(lateral, height.min(width));
-        let looks = self.coherence.looks_of_mask(&vec![true; side * side], side);
-        Block { side, looks: looks * self.looks_of_layers }
+        let limit = height.min(width);
+        self.coherence.block_of_looks(BLOCK_LOOKS, self.looks_of_layers, limit)
     }
 
     /// Tiles of about six blocks' side, made of whole strips and whole lane blocks of every path.
@@ -205,13 +203,6 @@ fn edges(length: usize, unit: usize, wanted: usize) -> Vec<usize> {
     }
     edges.push(length);
     edges
-}
-
-/// A square over which C is averaged.
-struct Block {
-    side: usize,
-    /// Independent looks of its mean.
-    looks: f64,
 }
 
 /// The rows of one row of tiles: all frames and depths.
@@ -354,8 +345,7 @@ impl Sums {
             if i == j {
                 1.0
             } else if power > 0.0 {
-                let s = self.squares[i * n + j] / power;
-                (s - 1.0 / looks) / (1.0 - s / looks)
+                debias_blocks(self.squares[i * n + j] / power, looks)
             } else {
                 0.0
             }

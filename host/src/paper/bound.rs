@@ -37,7 +37,7 @@ pub fn compute(settings: &Settings) -> Result<Vec<BoundRow>> {
             scenario: scenario.name,
             looks,
             bound_rad: scenario.bound(looks as f64),
-            scores: run(scenario, looks, settings.trials, seed, &bar)?,
+            scores: run(scenario, &Estimator::ALL, looks, settings.trials, seed, &bar)?,
         })
     };
     entries.map(row).collect()

@@ -7,7 +7,7 @@ use crate::curve::{LINKED_WINDOW_LOOKS, Linked, Region, curve, link_region, subt
 use crate::error::{Error, Result};
 use crate::figures::{Canvas, PhaseCurve};
 use crate::io::{CurveRow, Series, Shape, read_mask, write_curve};
-use crate::looks::SpatialCoherence;
+use crate::looks::{Block, SpatialCoherence};
 use crate::method::{Method, Plan};
 use crate::notes;
 use crate::progress::Progress;
@@ -153,13 +153,14 @@ impl<'a> Ground<'a> {
         Ok(Self { task, survey, coherence: task.coherence(survey)?, looks_of_layers })
     }
 
-    /// Side of the sub-windows that linked phases of two layers need.
-    fn window(&self) -> Option<usize> {
+    /// The sub-windows that linked phases of two layers need.
+    fn window(&self) -> Option<Block> {
         let Task { good, plan, .. } = self.task;
         let two = plan.method == Method::Linked && plan.depths.second.is_some();
         let Shape { height, width, .. } = good.shape();
-        let looks = LINKED_WINDOW_LOOKS / self.looks_of_layers;
-        two.then(|| self.coherence.side_of_looks(looks, height.min(width)))
+        let limit = height.min(width);
+        let of_looks = |looks| self.coherence.block_of_looks(looks, self.looks_of_layers, limit);
+        two.then(|| of_looks(LINKED_WINDOW_LOOKS))
     }
 
     /// The curve of the region that `flag` asked for, and the direct difference for the figure.
