@@ -48,7 +48,8 @@ pub(in crate::cli) struct Arguments {
     /// [default: the fifth good one]
     #[arg(long, value_name = "FRAME", allow_negative_numbers = true)]
     pub(super) reference_frame: Option<usize>,
-    /// When the frames were taken: one time per frame, .npy or a text file with a number per line
+    /// When the frames were taken: one time per frame, .npy or a text file with a number per line, or the
+    /// run log of the trigger board (`trigger run --log`): seconds after its start
     /// [default: the series' own times, else the numbers of the frames]
     #[arg(long, value_name = "FILE")]
     pub(super) times: Option<PathBuf>,
