@@ -4,21 +4,22 @@ use crate::allocate::{reserve, zeros};
 use crate::error::{Error, Result};
 use crate::io::{Series, Shape};
 use crate::method::Plan;
+use crate::planes::Layers;
 use crate::progress::Progress;
 use crate::series::Survey;
 use num_complex::{Complex, Complex32, Complex64};
 use phasewalk_core::cross_spectrum::cross_spectrum;
 use phasewalk_core::ensemble::{Ensemble, PairMean};
-use phasewalk_core::layers::layer_difference;
 use rayon::prelude::*;
 
-/// The fields of the pixels of a mask, all frames, in memory.
+/// The fields of the pixels of a mask, all frames and recordings, in memory.
 pub struct Region {
     /// (frame, depth, pixel).
     fields: Vec<Complex32>,
     pixels: usize,
     depths: usize,
-    in_first: usize,
+    /// Of every recording.
+    layers: Vec<Layers>,
     /// Where each sub-window ends in the order of the pixels.
     window_ends: Vec<usize>,
     /// Pixels of the mask that had to be left out.
@@ -75,7 +76,7 @@ impl Region {
             fields,
             pixels: chosen.len(),
             depths: depths.len(),
-            in_first: plan.depths.in_first(),
+            layers: plan.depths.layers(),
             window_ends: window_ends.collect(),
             left_out: asked - chosen.len(),
         })
@@ -87,12 +88,14 @@ impl Region {
         self.pixels
     }
 
-    /// ⟨C(t,s-t)⟩ and ⟨C/|C|⟩ over the region; `powers` as [`Self::powers`] gives them.
+    /// ⟨C(t,s-t)⟩ and ⟨C/|C|⟩ over pixels and recordings; `powers` as [`Self::powers`] gives them.
     #[must_use]
     pub fn pair_mean(&self, t: usize, s: usize, powers: &[f64]) -> PairMean<f64> {
         let mut ensemble = Ensemble::new();
-        for pixel in 0..self.pixels {
-            ensemble.add(self.cross_spectrum(t, s, pixel));
+        for layers in &self.layers {
+            for pixel in 0..self.pixels {
+                ensemble.add(self.cross_spectrum(layers, t, s, pixel));
+            }
         }
         ensemble.mean(powers[t], powers[s])
     }
@@ -102,32 +105,37 @@ impl Region {
     pub fn powers(&self) -> Vec<f64> {
         let frames = self.fields.len() / (self.pixels * self.depths);
         let mean = |t: usize| {
-            let sum: f64 = (0..self.pixels).map(|pixel| self.cross_spectrum(t, t, pixel).re).sum();
-            sum / self.pixels as f64
+            let power = |layers: &Layers| -> f64 {
+                (0..self.pixels).map(|pixel| self.cross_spectrum(layers, t, t, pixel).re).sum()
+            };
+            self.layers.iter().map(power).sum::<f64>() / self.members()
         };
         (0..frames).into_par_iter().map(mean).collect()
     }
 
-    /// ⟨C⟩ of one layer; of two layers the mean over the sub-windows, each with its number of pixels as
-    /// weight, of C_w^{Z1} conj C_w^{Z2}, where C_w is a layer's mean cross-spectrum in the sub-window.
+    /// Pixels of all recordings: what the averages are taken over.
+    fn members(&self) -> f64 {
+        (self.pixels * self.layers.len()) as f64
+    }
+
+    /// ⟨C⟩ of one layer; of two layers the mean over the sub-windows of all recordings, each with its number of pixels
+    /// as weight, of C_w^{Z1} conj C_w^{Z2}, where C_w is a layer's mean cross-spectrum in the sub-window.
     #[must_use]
     pub fn windowed_mean(&self, t: usize, s: usize) -> Complex64 {
         let mut sum = Complex64::default();
         let mut start = 0;
         for &end in &self.window_ends {
-            let layer = |zs: std::ops::Range<usize>| -> Complex64 {
-                zs.map(|z| self.sum_of_pixels(t, s, z, start..end)).sum()
-            };
-            let first = layer(0..self.in_first);
-            sum += if self.in_first == self.depths {
-                first
-            } else {
-                let second = layer(self.in_first..self.depths);
-                layer_difference(first, second) / (end - start) as f64
-            };
+            for layers in &self.layers {
+                let of_planes = |planes: std::ops::Range<usize>| -> Complex64 {
+                    planes.map(|z| self.sum_of_pixels(t, s, z, start..end)).sum()
+                };
+                let combined = layers.combine(layers.both().map(of_planes));
+                let one = layers.second.is_empty();
+                sum += if one { combined } else { combined / (end - start) as f64 };
+            }
             start = end;
         }
-        sum / self.pixels as f64
+        sum / self.members()
     }
 
     /// Sum of U(t) conj U(s) over pixels of one depth.
@@ -152,18 +160,14 @@ impl Region {
         Complex64::new(re, im)
     }
 
-    fn cross_spectrum(&self, t: usize, s: usize, pixel: usize) -> Complex64 {
+    fn cross_spectrum(&self, layers: &Layers, t: usize, s: usize, pixel: usize) -> Complex64 {
         let field = |frame: usize, z: usize| {
             let u = self.fields[(frame * self.depths + z) * self.pixels + pixel];
             Complex { re: f64::from(u.re), im: f64::from(u.im) }
         };
-        let sum = |zs: std::ops::Range<usize>| -> Complex64 {
-            zs.map(|z| cross_spectrum(field(t, z), field(s, z))).sum()
+        let sum = |planes: std::ops::Range<usize>| -> Complex64 {
+            planes.map(|z| cross_spectrum(field(t, z), field(s, z))).sum()
         };
-        let first = sum(0..self.in_first);
-        if self.in_first == self.depths {
-            return first;
-        }
-        layer_difference(first, sum(self.in_first..self.depths))
+        layers.combine(layers.both().map(sum))
     }
 }
