@@ -21,6 +21,7 @@ pub mod looks;
 pub mod method;
 pub mod notes;
 pub mod paper;
+pub mod planes;
 pub mod progress;
 pub mod reconstruct;
 pub mod report;

@@ -1,7 +1,12 @@
 //! Effective looks: how many independent speckles an average holds, estimated from the frames.
 //!
 //! L = 1 / sum over x,x' of w(x) w(x') |mu(x-x')|^2, where mu(d) is the spatial coherence of the field,
-//! sum_x U(x) conj U(x+d), normalised by the powers at both ends.
+//! sum_x U(x) conj U(x+d), normalised by the powers at both ends. Of several recordings, `recordings` finds out how many
+//! independent ones they are.
+
+mod recordings;
+
+pub use recordings::looks_of_recordings;
 
 use crate::allocate::zeros;
 use crate::error::Result;
@@ -88,13 +93,7 @@ impl SpatialCoherence {
         for frame in spread(frames) {
             progress::check()?;
             for &depth in depths.iter().take(DEPTHS) {
-                let mut field =
-                    zeros::<Complex32>(height * width, "frames for the spatial coherence")?;
-                series.read_rows(frame, depth, 0..height, &mut field)?;
-                for (u, &valid) in field.iter_mut().zip(&survey.valid) {
-                    *u = if valid { *u * survey.scale } else { Complex32::default() };
-                }
-                fields.push(field);
+                fields.push(read_usable(series, survey, frame, depth)?);
             }
         }
         let limit = LAST_REACH.min((height.min(width) - 1) / 2);
@@ -188,22 +187,13 @@ impl SpatialCoherence {
 /// # Errors
 /// When the series cannot be read or the user interrupts.
 pub fn looks_of_depths(series: &dyn Series, survey: &Survey, depths: &[usize]) -> Result<f64> {
-    let Shape { frames, height, width, .. } = series.shape();
     let (mut whole, mut parts) = (0.0, 0.0);
-    for frame in spread(frames) {
+    for frame in spread(series.shape().frames) {
         progress::check()?;
-        let mut planes = Vec::with_capacity(depths.len());
-        for &depth in depths {
-            let mut plane = zeros::<Complex32>(height * width, "frames for the looks of a layer")?;
-            series.read_rows(frame, depth, 0..height, &mut plane)?;
-            planes.push(plane);
-        }
-        let valid = &survey.valid;
+        let read = |&depth: &usize| read_usable(series, survey, frame, depth);
+        let planes: Vec<_> = depths.iter().map(read).collect::<Result<_>>()?;
         let cross = |(u, v): (&Vec<Complex32>, &Vec<Complex32>)| -> Complex64 {
-            let usable = u.iter().zip(v).zip(valid).filter(|&(_, &valid)| valid);
-            usable
-                .map(|((u, v), _)| double(*u * survey.scale) * double(*v * survey.scale).conj())
-                .sum()
+            u.iter().zip(v).map(|(u, v)| double(*u) * double(*v).conj()).sum()
         };
         let power: f64 = planes.iter().map(|plane| cross((plane, plane)).re).sum();
         whole += power * power;
@@ -211,6 +201,22 @@ pub fn looks_of_depths(series: &dyn Series, survey: &Survey, depths: &[usize]) -
         parts += pairs.map(cross).map(|c| c.norm_sqr()).sum::<f64>();
     }
     Ok(if parts > 0.0 { whole / parts } else { 1.0 })
+}
+
+/// A frame at one depth, scaled, 0 where it is not usable.
+fn read_usable(
+    series: &dyn Series,
+    survey: &Survey,
+    frame: usize,
+    depth: usize,
+) -> Result<Vec<Complex32>> {
+    let Shape { height, width, .. } = series.shape();
+    let mut field = zeros::<Complex32>(height * width, "frames for the number of looks")?;
+    series.read_rows(frame, depth, 0..height, &mut field)?;
+    for (u, &valid) in field.iter_mut().zip(&survey.valid) {
+        *u = if valid { *u * survey.scale } else { Complex32::default() };
+    }
+    Ok(field)
 }
 
 /// Up to eight frames spread over the series.

@@ -1,6 +1,7 @@
 //! What to compute: the method with its parameters, shared by curves and images.
 
 use crate::error::{Error, Result};
+use crate::planes::Planes;
 use phasewalk_core::Params;
 use phasewalk_core::params::{DIRECT_FRAME, RANDOM_PROBABILITY};
 use phasewalk_core::weights::{Weighting, Weights};
@@ -48,8 +49,8 @@ pub struct Plan {
     /// Standard deviation of the phase's second derivative, rad per squared unit of time, where it is known
     /// beforehand (linked curves only).
     pub acceleration: Option<f64>,
-    /// Which depths are combined.
-    pub depths: Depths,
+    /// Which depths are combined, of which recordings.
+    pub depths: Planes,
 }
 
 impl Plan {
@@ -62,7 +63,7 @@ impl Plan {
         frames: usize,
         max_lag: Option<usize>,
         direct_frame: Option<usize>,
-        depths: Depths,
+        depths: impl Into<Planes>,
     ) -> Result<Self> {
         if frames < 2 {
             let plural = if frames == 1 { "" } else { "s" };
@@ -86,7 +87,7 @@ impl Plan {
             )));
         }
         let times_s = (0..frames).map(|frame| frame as f64).collect();
-        let average = Average::default();
+        let (average, depths) = (Average::default(), depths.into());
         Ok(Self { method, average, params, direct_frame, times_s, acceleration: None, depths })
     }
 

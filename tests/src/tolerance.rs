@@ -47,6 +47,12 @@ tolerances! {
         independent speckles per frame, which leaves 0.02 at long lags.";
     STANDARD_SCORE = 4.0, "standard deviations: with fixed seeds a chance of 1 in 16,000 for a number \
         that is right.";
+    SIGMA_RATIO = 0.05, "relative: standard deviations of three recordings against one; each comes from a \
+        coherence fitted to the frames of a region of 100 to 150 looks, and 36 of them leave 2 %.";
+    STANDARD_SCORES = 0.2, "relative: rms of error over sigma; 36 regions or places, of which each random walk \
+        has about two independent errors, leave 1/sqrt(144) = 8 %.";
+    STANDARD_SCORES_OF_LAYERS = 0.25, "relative: the same of two layers, whose sigma is up to a tenth \
+        too large (docs/mathematics.md takes the product for Gaussian).";
     DISK_SLOPE_X = 0.3, "rad/mm: the law of the measured disk, -8.1 rad/mm over 31 shots, is itself a fit \
         to the whole image; two windows of the disk differ by 0.1.";
     DISK_SLOPE_Z = 0.3, "rad/mm: a rigid rotation has none; a tilt of the disk by 2 degrees would show as \

@@ -41,6 +41,7 @@ impl Scene {
             plan: &plan,
             coherence: &coherence,
             looks_of_layers: 1.0,
+            looks_of_recordings: 1.0,
             looks,
             path,
         };

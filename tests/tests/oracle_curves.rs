@@ -215,7 +215,7 @@ fn layers_are_compared_as_the_oracle_does() {
                 FRAMES,
                 Some(lags),
                 None,
-                argument.parse().unwrap(),
+                argument.parse::<Depths>().unwrap(),
             );
             let rows = phase_curve(&recording, &mask, &plan.unwrap(), 40.0);
             check_least_squares(&rows, &pairs, lags, oracle::Weighting::Fisher, 40.0);

@@ -1,11 +1,14 @@
 //! The program against the board's own program behind a pseudo-terminal: runs, their logs, and
 //! everything that can go wrong on the line between them.
 
+use phasewalk::io::Shape;
 use phasewalk::trigger::log::{Ending, RunLog};
 use phasewalk_firmware::channel::Edge;
 use phasewalk_firmware::fault::Fault;
 use phasewalk_firmware::message::{Answer, Event, Reply, State};
+use phasewalk_tests::npy;
 use phasewalk_tests::program::{Bench, Ran};
+use phasewalk_tests::recording::Recording;
 use phasewalk_tests::rehearsed_board::{RehearsedBoard, Setup};
 use serde_json::Value;
 use std::fs;
@@ -108,6 +111,33 @@ fn what_the_log_says_can_be_read_in_words_json_and_csv() {
     assert_eq!(facts["statistics"]["exposure_delay"]["min"], 77);
     assert_eq!(facts["statistics"]["camera_minus_laser"]["max"], 0);
     assert_eq!(facts["statistics"]["intervals"][0]["made"]["mean"], 400_000.0);
+}
+
+/// Pairs 12 ms apart every 100 ms, exposed 77 ticks after the trigger: the times of the frames, in seconds.
+#[test]
+fn a_log_gives_a_series_its_times() {
+    let setup = Setup { exposure_delay: Some(77), ..Setup::default() };
+    let (bench, board) = (Bench::new(), RehearsedBoard::start(setup));
+    let plan = "pairs --set volumes=8 --set interval=100ms --set stimulus.volume=2";
+    let _ = bench.succeed(&run_line(&board, plan));
+    let shape = |frames| Shape { frames, depth: 1, height: 20, width: 20 };
+    let save = |name: &str, frames| {
+        Recording::decorrelating(shape(frames), 0.95, 3, |_, _| 0.0).save(&bench.path(name));
+    };
+    save("F.npy", 8);
+    save("G.npy", 9);
+    npy::save_mask(&bench.path("M.npy"), &[20, 20], &[true; 400]);
+    let _ = bench.succeed("phase F.npy --mask M.npy --times R.ndjson -o C.csv");
+    let times: Vec<f64> = bench.table("C.csv").1.iter().map(|row| row[1]).collect();
+    let tick = |volume: usize| (volume / 2 * 1_600_000 + volume % 2 * 192_000 + 77) as f64;
+    assert_eq!(times, (0..8).map(|volume| tick(volume) / 16e6).collect::<Vec<_>>());
+    let line = "phase G.npy --mask M.npy --times R.ndjson -o D.csv";
+    bench.run(line).refused(1, &["R.ndjson", "8 times", "9 frames"]);
+    let log = fs::read_to_string(bench.path("R.ndjson")).unwrap();
+    fs::write(bench.path("R.ndjson"), log.replacen("\"version\":1", "\"version\":7", 1)).unwrap();
+    let line = "phase F.npy --mask M.npy --times R.ndjson -o D.csv";
+    bench.run(line).refused(1, &["R.ndjson", "version 7"]);
+    assert!(!bench.path("D.csv").exists());
 }
 
 #[test]

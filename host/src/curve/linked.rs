@@ -47,7 +47,7 @@ pub fn link_region(
     progress: &Progress,
 ) -> Result<Linked> {
     let frames = plan.frames();
-    let two = if plan.depths.second.is_some() { region.window() } else { None };
+    let two = if plan.depths.has_two_layers() { region.window() } else { None };
     let mut neighbours = Neighbours::default();
     let mut cross: Vec<Complex64> = zeros(frames * frames, MATRICES)?;
     for i in 0..frames {

@@ -5,12 +5,12 @@ use crate::error::{Error, Result};
 use crate::io::{Series, Shape};
 use crate::looks::Block;
 use crate::method::Plan;
+use crate::planes::Layers;
 use crate::progress::Progress;
 use crate::series::Survey;
 use num_complex::{Complex, Complex32, Complex64};
 use phasewalk_core::cross_spectrum::cross_spectrum;
 use phasewalk_core::ensemble::{Ensemble, PairMean};
-use phasewalk_core::layers::layer_difference;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -23,15 +23,16 @@ pub struct WindowedPair {
     pub squares: [f64; 2],
 }
 
-/// The fields of the pixels of a mask, all frames, in memory.
+/// The fields of the pixels of a mask, all frames and recordings, in memory.
 pub struct Region {
     /// (frame, depth, pixel).
     fields: Vec<Complex32>,
     pixels: usize,
     depths: usize,
-    in_first: usize,
     /// What the sub-windows are.
     window: Option<Block>,
+    /// Of every recording.
+    layers: Vec<Layers>,
     /// Where each sub-window ends in the order of the pixels.
     window_ends: Vec<usize>,
     /// Pixels of the mask that had to be left out.
@@ -88,8 +89,8 @@ impl Region {
             fields,
             pixels: chosen.len(),
             depths: depths.len(),
-            in_first: plan.depths.in_first(),
             window,
+            layers: plan.depths.layers(),
             window_ends: window_ends.collect(),
             left_out: asked - chosen.len(),
         })
@@ -101,12 +102,14 @@ impl Region {
         self.pixels
     }
 
-    /// ⟨C(t,s-t)⟩ and ⟨C/|C|⟩ over the region; `powers` as [`Self::powers`] gives them.
+    /// ⟨C(t,s-t)⟩ and ⟨C/|C|⟩ over pixels and recordings; `powers` as [`Self::powers`] gives them.
     #[must_use]
     pub fn pair_mean(&self, t: usize, s: usize, powers: &[f64]) -> PairMean<f64> {
         let mut ensemble = Ensemble::new();
-        for pixel in 0..self.pixels {
-            ensemble.add(self.cross_spectrum(t, s, pixel));
+        for layers in &self.layers {
+            for pixel in 0..self.pixels {
+                ensemble.add(self.cross_spectrum(layers, t, s, pixel));
+            }
         }
         ensemble.mean(powers[t], powers[s])
     }
@@ -116,42 +119,55 @@ impl Region {
     pub fn powers(&self) -> Vec<f64> {
         let frames = self.fields.len() / (self.pixels * self.depths);
         let mean = |t: usize| {
-            let sum: f64 = (0..self.pixels).map(|pixel| self.cross_spectrum(t, t, pixel).re).sum();
-            sum / self.pixels as f64
+            let power = |layers: &Layers| -> f64 {
+                (0..self.pixels).map(|pixel| self.cross_spectrum(layers, t, t, pixel).re).sum()
+            };
+            self.layers.iter().map(power).sum::<f64>() / self.members()
         };
         (0..frames).into_par_iter().map(mean).collect()
     }
 
-    /// Averages of the pair over the sub-windows: of one layer ⟨C⟩; of two layers the mean over the sub-windows, each
-    /// with its number of pixels as weight, of C_w^{Z1} conj C_w^{Z2}, where C_w is a layer's mean cross-spectrum in the
-    /// sub-window.
+    /// Pixels of all recordings: what the averages are taken over.
+    fn members(&self) -> f64 {
+        (self.pixels * self.layers.len()) as f64
+    }
+
+    /// Averages of the pair over the sub-windows of all recordings: of one layer ⟨C⟩; of two layers the mean over the
+    /// sub-windows, each with its number of pixels as weight, of C_w^{Z1} conj C_w^{Z2}, where C_w is a layer's mean
+    /// cross-spectrum in the sub-window.
     #[must_use]
     pub fn windowed_pair(&self, t: usize, s: usize) -> WindowedPair {
         let mut pair = WindowedPair::default();
         for window in self.windows() {
             let pixels = window.len() as f64;
-            let layers = self.layers().map(|zs| self.sum_of_layer(t, s, zs, &window));
-            if self.is_full(&window) {
-                for (square, layer) in pair.squares.iter_mut().zip(layers) {
-                    *square += (layer / pixels).norm_sqr();
+            for layers in &self.layers {
+                let both = layers.both().map(|planes| self.sum_of_layer(t, s, planes, &window));
+                if self.is_full(&window) {
+                    for (square, layer) in pair.squares.iter_mut().zip(both) {
+                        *square += (layer / pixels).norm_sqr();
+                    }
                 }
+                let one = layers.second.is_empty();
+                let combined = layers.combine(both);
+                pair.mean += if one { combined } else { combined / pixels };
             }
-            let [first, second] = layers;
-            let one = self.in_first == self.depths;
-            pair.mean += if one { first } else { layer_difference(first, second) / pixels };
         }
-        pair.mean /= self.pixels as f64;
+        pair.mean /= self.members();
         pair
     }
 
-    /// ⟨|U(t)|^2⟩ of a layer in each full sub-window.
+    /// ⟨|U(t)|^2⟩ of a layer in each full sub-window of each recording.
     #[must_use]
     pub fn window_powers(&self, t: usize, layer: usize) -> Vec<f64> {
-        let zs = &self.layers()[layer];
-        let power = |window: &Range<usize>| {
-            self.sum_of_layer(t, t, zs.clone(), window).re / window.len() as f64
-        };
-        self.windows().filter(|window| self.is_full(window)).map(|window| power(&window)).collect()
+        let full = self.windows().filter(|window| self.is_full(window));
+        full.flat_map(|window| {
+            let power = move |layers: &Layers| {
+                let planes = layers.both()[layer].clone();
+                self.sum_of_layer(t, t, planes, &window).re / window.len() as f64
+            };
+            self.layers.iter().map(power)
+        })
+        .collect()
     }
 
     /// The sub-windows that the region was read with; without any, the whole region as one.
@@ -169,11 +185,6 @@ impl Region {
     fn windows(&self) -> impl Iterator<Item = Range<usize>> + '_ {
         let starts = std::iter::once(&0).chain(&self.window_ends);
         starts.zip(&self.window_ends).map(|(&start, &end)| start..end)
-    }
-
-    /// The depths of Z1 and of Z2.
-    fn layers(&self) -> [Range<usize>; 2] {
-        [0..self.in_first, self.in_first..self.depths]
     }
 
     /// Sum of U(t) conj U(s) over pixels and depths of a layer.
@@ -203,18 +214,14 @@ impl Region {
         Complex64::new(re, im)
     }
 
-    fn cross_spectrum(&self, t: usize, s: usize, pixel: usize) -> Complex64 {
+    fn cross_spectrum(&self, layers: &Layers, t: usize, s: usize, pixel: usize) -> Complex64 {
         let field = |frame: usize, z: usize| {
             let u = self.fields[(frame * self.depths + z) * self.pixels + pixel];
             Complex { re: f64::from(u.re), im: f64::from(u.im) }
         };
-        let sum = |zs: Range<usize>| -> Complex64 {
-            zs.map(|z| cross_spectrum(field(t, z), field(s, z))).sum()
+        let sum = |planes: Range<usize>| -> Complex64 {
+            planes.map(|z| cross_spectrum(field(t, z), field(s, z))).sum()
         };
-        let first = sum(0..self.in_first);
-        if self.in_first == self.depths {
-            return first;
-        }
-        layer_difference(first, sum(self.in_first..self.depths))
+        layers.combine(layers.both().map(sum))
     }
 }

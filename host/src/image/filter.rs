@@ -2,22 +2,20 @@
 
 use super::strip::Layout;
 use crate::lanes::Lanes;
+use crate::planes::Layers;
 use num_complex::Complex;
 use phasewalk_core::cross_spectrum::cross_spectrum;
-use phasewalk_core::layers::layer_difference;
 use phasewalk_core::weights::unit_phasor;
 
-/// The fields of two frames over a strip, in (depth, row, vector) order, and how to combine depths.
+/// The fields of two frames over a strip, in (depth, row, vector) order, and how to combine depths and recordings.
 #[derive(Clone, Copy)]
 pub struct Pair<'a, L> {
     /// U(t).
     pub earlier: &'a [Complex<L>],
     /// U(t + dt).
     pub later: &'a [Complex<L>],
-    /// Depths in Z1; the rest is Z2.
-    pub in_first: usize,
-    /// All depths.
-    pub depths: usize,
+    /// Depths of every recording.
+    pub recordings: &'a [Layers],
 }
 
 impl<'a, L: Lanes> Pair<'a, L> {
@@ -27,21 +25,38 @@ impl<'a, L: Lanes> Pair<'a, L> {
         fields: &'a [Complex<L>],
         size: usize,
         [t, s]: [usize; 2],
-        in_first: usize,
-        depths: usize,
+        recordings: &'a [Layers],
     ) -> Self {
         let field = |frame: usize| &fields[frame * size..][..size];
-        Self { earlier: field(t), later: field(s), in_first, depths }
+        Self { earlier: field(t), later: field(s), recordings }
     }
 
-    /// C or C^{Z1-Z2} at one place of the strip; `plane` places make one depth.
+    /// C or C^{Z1-Z2} of a recording at one place of the strip; `plane` places make one depth.
     #[inline(always)]
-    fn cross_spectrum(&self, place: usize, plane: usize) -> Complex<L> {
-        let first = self.sum(0..self.in_first, place, plane);
-        if self.in_first == self.depths {
-            return first;
+    fn cross_spectrum(&self, layers: &Layers, place: usize, plane: usize) -> Complex<L> {
+        let [first, second] = layers.both();
+        layers.combine([self.sum(first, place, plane), self.sum(second, place, plane)])
+    }
+
+    /// The mean of [`channels`] over the recordings.
+    #[inline(always)]
+    fn channels<const CH: usize>(&self, place: usize, plane: usize) -> [L; CH] {
+        let [first, others @ ..] = self.recordings else { return [L::zero(); CH] };
+        let mut means = channels(self.cross_spectrum(first, place, plane));
+        if others.is_empty() {
+            return means;
         }
-        layer_difference(first, self.sum(self.in_first..self.depths, place, plane))
+        for layers in others {
+            let further: [L; CH] = channels(self.cross_spectrum(layers, place, plane));
+            for i in 0..CH {
+                means[i] += further[i];
+            }
+        }
+        let share = L::from_f64(1.0 / self.recordings.len() as f64);
+        for mean in &mut means {
+            *mean = *mean * share;
+        }
+        means
     }
 
     /// C summed over some of the depths.
@@ -92,7 +107,7 @@ impl<L: Lanes> Passes<L> {
         each: impl FnMut(usize, usize, [L; CH]),
     ) {
         let plane = (rows + 2 * layout.halo) * layout.blocks;
-        self.filter(layout, rows, |place| channels(pair.cross_spectrum(place, plane)), each);
+        self.filter(layout, rows, |place| pair.channels(place, plane), each);
     }
 
     /// Filter what `source` has at each place (line * vectors of a row + vector) of `rows` lines and R

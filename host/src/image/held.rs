@@ -74,7 +74,7 @@ pub struct Imaging<'a> {
 
 impl Imaging<'_> {
     /// Phases in radians, axes (time, y, x); NaN where a pixel is not usable; linked phases are
-    /// those of a single depth. The progress bar is called `label`.
+    /// those of a single depth and recording. The progress bar is called `label`.
     ///
     /// # Errors
     /// What [`ImageJob::run`] reports.
@@ -90,6 +90,7 @@ impl Imaging<'_> {
             plan,
             coherence: self.coherence,
             looks_of_layers: 1.0,
+            looks_of_recordings: 1.0,
             looks,
             path,
         };

@@ -12,6 +12,7 @@ use crate::allocate::filled;
 use crate::error::Result;
 use crate::io::Shape;
 use crate::lanes::Lanes;
+use crate::planes::Layers;
 use crate::series::Survey;
 use num_complex::{Complex, Complex32};
 use phasewalk_core::chain::unwrap_chain;
@@ -35,7 +36,7 @@ impl Stages {
     /// # Errors
     /// When sigma does not fit the image.
     pub fn new(run: &super::ImageJob<'_>, kernel: &Kernel) -> Result<Self> {
-        if run.plan.depths.second.is_none() {
+        if !run.plan.depths.has_two_layers() {
             return Ok(Self { whole: kernel.clone(), window: None });
         }
         let part = |share: f64| {
@@ -61,7 +62,7 @@ pub fn bytes<L: Lanes>(job: &super::ImageJob<'_>, kernel: &Kernel, rows: usize) 
         .map(|halo| ((rows + halo) * layout.blocks) as u64);
     let (frames, depths) = (frames as u64, job.plan.depths.all().len() as u64);
     let fields = frames * depths * tall * 2 * vector;
-    let sums = places * frames * (2 + 2 + 1 + 1) * vector + 4 * middle * vector;
+    let sums = places * frames * (2 + 2 + 1 + 1) * vector + 6 * middle * vector;
     let models = 2 * frames * frames * vector;
     let results = frames * (rows * width * 8) as u64;
     let passes = 2 * Passes::<L>::bytes(&layout, rows + middle as usize / layout.blocks) as u64;
@@ -94,7 +95,7 @@ struct Worker<L> {
     /// Of the sub-windows.
     window: Layout,
     depths: Vec<usize>,
-    in_first: usize,
+    recordings: Vec<Layers>,
     buffer: Vec<Complex32>,
     /// (frame, depth, row, vector).
     fields: Vec<Complex<L>>,
@@ -140,7 +141,7 @@ impl<L: Lanes> Worker<L> {
             inverse: numbers(frames * frames)?,
             phases: vec![0.0; frames * run.rows * width],
             sigmas: vec![0.0; if job.sigma { frames * run.rows * width } else { 0 }],
-            in_first: job.plan.depths.in_first(),
+            recordings: job.plan.depths.layers(),
             stages,
             layout,
             window,
@@ -202,7 +203,7 @@ impl<L: Lanes> Worker<L> {
         let Self { stages, layout, window, fields, averager, inverse_root, .. } = self;
         let places = rows * layout.blocks;
         let size = self.depths.len() * (rows + 2 * stages.halo()) * layout.blocks;
-        let pair = Pair::of(fields, size, [i, i], self.in_first, self.depths.len());
+        let pair = Pair::of(fields, size, [i, i], &self.recordings);
         let own = &mut inverse_root[i * places..][..places];
         averager.run(layout, window, rows, pair, |place, c| {
             let lit = L::from_f64(f64::from(f32::MIN_POSITIVE)).lt(c.re);
@@ -217,7 +218,7 @@ impl<L: Lanes> Worker<L> {
         let Self { stages, layout, window, fields, averager, inverse_root, gamma, .. } = self;
         let places = rows * layout.blocks;
         let size = self.depths.len() * (rows + 2 * stages.halo()) * layout.blocks;
-        let pair = Pair::of(fields, size, [i, j], self.in_first, self.depths.len());
+        let pair = Pair::of(fields, size, [i, j], &self.recordings);
         let root = |frame: usize| &inverse_root[frame * places..][..places];
         let (root_i, root_j) = (root(i), root(j));
         let target = &mut gamma[j * places..][..places];
@@ -334,12 +335,14 @@ impl<L: Lanes> Worker<L> {
     }
 }
 
-/// The average of a pair over the Gaussian, of two layers by way of sub-windows.
+/// The average of a pair over the Gaussian and the recordings, of two layers by way of sub-windows.
 struct Averager<L> {
     whole: Passes<L>,
     window: Option<Passes<L>>,
-    /// Each layer's average over sub-windows, (row, vector).
+    /// Each layer's average over sub-windows in one recording, (row, vector).
     layers: [Vec<Complex<L>>; 2],
+    /// The sum over the recordings of their product.
+    products: Vec<Complex<L>>,
 }
 
 impl<L: Lanes> Averager<L> {
@@ -352,6 +355,7 @@ impl<L: Lanes> Averager<L> {
             whole: Passes::new(layout, rows, &stages.whole.half),
             window: half.map(|half| Passes::new(window, middle, half)),
             layers: [vec![zero; places], vec![zero; places]],
+            products: vec![zero; places],
         }
     }
 
@@ -375,21 +379,26 @@ impl<L: Lanes> Averager<L> {
         };
         let middle = rows + 2 * layout.halo;
         let plane = (middle + 2 * window.halo) * blocks;
-        for (layer, average) in self.layers.iter_mut().enumerate() {
-            let depths = if layer == 0 { 0..pair.in_first } else { pair.in_first..pair.depths };
-            let source = |place: usize| {
-                let c = pair.sum(depths.clone(), place, plane);
-                [c.re, c.im]
-            };
-            passes.filter::<2>(window, middle, source, |row, vector, [re, im]| {
-                average[row * blocks + vector] = Complex { re, im };
-            });
+        self.products.fill(Complex { re: L::zero(), im: L::zero() });
+        for recording in pair.recordings {
+            for (average, depths) in self.layers.iter_mut().zip(recording.both()) {
+                let source = |place: usize| {
+                    let c = pair.sum(depths.clone(), place, plane);
+                    [c.re, c.im]
+                };
+                passes.filter::<2>(window, middle, source, |row, vector, [re, im]| {
+                    average[row * blocks + vector] = Complex { re, im };
+                });
+            }
+            let [first, second] = &self.layers;
+            for (sum, (&first, &second)) in self.products.iter_mut().zip(first.iter().zip(second)) {
+                let c = layer_difference(first, second);
+                sum.re += c.re;
+                sum.im += c.im;
+            }
         }
-        let [first, second] = &self.layers;
-        let product = |place: usize| {
-            let c = layer_difference(first[place], second[place]);
-            [c.re, c.im]
-        };
+        let products = &self.products;
+        let product = |place: usize| [products[place].re, products[place].im];
         self.whole.filter::<2>(layout, rows, product, each);
     }
 }

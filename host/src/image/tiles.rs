@@ -2,7 +2,7 @@
 //!
 //! The image is cut into tiles, a tile into square blocks of about sixteen looks. In a block the phase is nearly the same
 //! everywhere, so |C_ij|^2 of the block's mean does not depend on it; for Gaussian speckle of L looks, and means over
-//! the tile's blocks,
+//! the tile's blocks and the recordings,
 //!
 //! S = sum of |C_ij|^2 / sum of P_i P_j = (|gamma|^2 + 1/L) / (1 + |gamma|^2/L),
 //!
@@ -77,6 +77,8 @@ pub struct Fit<'a> {
     pub coherence: &'a SpatialCoherence,
     /// Looks that the depths of a layer add to each pixel.
     pub looks_of_layers: f64,
+    /// How many independent recordings those that there are amount to.
+    pub looks_of_recordings: f64,
     /// Looks of the Gaussian that the phases are averaged with.
     pub looks: f64,
     /// Vector instructions.
@@ -127,7 +129,7 @@ impl Fit<'_> {
     fn tile(&self, band: &Band, block: &Block, columns: Range<usize>) -> Result<Tile> {
         let task = TileTask { fit: self, band, block, columns };
         let (squares, blocks) = self.path.run(task)??;
-        self.solve(squares, blocks.max(1) as f64, block.looks)
+        self.solve(squares, blocks.max(1) as f64 * self.looks_of_recordings, block.looks)
     }
 
     /// The model of a tile and what follows from it.
@@ -243,11 +245,9 @@ impl LaneTask for TileTask<'_> {
     #[inline(always)]
     fn run<L: Lanes<Element = f32>>(self) -> Result<(Vec<f64>, usize)> {
         let n = self.fit.plan.frames();
-        let depths = self.fit.plan.depths.all().len();
-        let in_first = self.fit.plan.depths.in_first();
-        let both = [0..in_first, in_first..depths];
-        let layers: Vec<Range<usize>> = both.into_iter().filter(|zs| !zs.is_empty()).collect();
-        let mut sums = vec![Sums::new(n)?; layers.len()];
+        let planes = &self.fit.plan.depths;
+        let recordings = planes.layers();
+        let mut sums = vec![Sums::new(n)?; if planes.has_two_layers() { 2 } else { 1 }];
         let mut blocks = 0;
         for y in self.band.rows.clone().step_by(self.block.side) {
             for x in self.columns.clone().step_by(self.block.side) {
@@ -256,8 +256,11 @@ impl LaneTask for TileTask<'_> {
                     continue;
                 }
                 blocks += 1;
-                for (sums, layer) in sums.iter_mut().zip(&layers) {
-                    sums.add(&self.gather::<L>(&pixels, layer.clone()), n);
+                // Further recordings are further blocks: the bulk of each may move in its own way.
+                for layers in &recordings {
+                    for (sums, layer) in sums.iter_mut().zip(layers.both()) {
+                        sums.add(&self.gather::<L>(&pixels, layer), n);
+                    }
                 }
             }
         }

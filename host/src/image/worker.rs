@@ -9,6 +9,7 @@ use crate::error::Result;
 use crate::io::Shape;
 use crate::lanes::Lanes;
 use crate::method::Average;
+use crate::planes::Layers;
 use crate::series::Survey;
 use num_complex::{Complex, Complex32};
 use phasewalk_core::ensemble::coherence_squared;
@@ -47,6 +48,7 @@ struct Worker<L> {
     layout: Layout,
     pairs: Vec<(usize, usize)>,
     depths: Vec<usize>,
+    recordings: Vec<Layers>,
     weights: Weights,
     buffer: Vec<Complex32>,
     /// (frame, depth, row, vector).
@@ -97,6 +99,7 @@ impl<L: Lanes> Worker<L> {
             layout,
             pairs,
             depths,
+            recordings: job.plan.depths.layers(),
         })
     }
 
@@ -122,12 +125,11 @@ impl<L: Lanes> Worker<L> {
         if !run.job.needs_coherence() {
             return;
         }
-        let Self { layout, depths, fields, passes, powers, .. } = self;
+        let Self { layout, depths, recordings, fields, passes, powers, .. } = self;
         let places = rows * layout.blocks;
         let frame_size = depths.len() * (rows + 2 * layout.halo) * layout.blocks;
-        let in_first = run.job.plan.depths.in_first();
         for (field, power) in fields.chunks_exact(frame_size).zip(powers.chunks_exact_mut(places)) {
-            let pair = Pair { earlier: field, later: field, in_first, depths: depths.len() };
+            let pair = Pair { earlier: field, later: field, recordings };
             passes.run::<2>(layout, rows, pair, |row, vector, [re, _]| {
                 power[row * layout.blocks + vector] = re;
             });
@@ -141,6 +143,7 @@ impl<L: Lanes> Worker<L> {
             layout,
             pairs,
             depths,
+            recordings,
             weights,
             fields,
             passes,
@@ -151,12 +154,11 @@ impl<L: Lanes> Worker<L> {
         } = self;
         let (blocks, count) = (layout.blocks, pairs.len());
         let frame_size = depths.len() * (rows + 2 * layout.halo) * blocks;
-        let in_first = run.job.plan.depths.in_first();
         let (coherent, keeps) = (run.job.needs_coherence(), run.job.keeps_coherence());
         let by_phasor = CH == 4 && run.job.plan.average == Average::Phasor;
         let mut frames_begun = 0;
         for (index, &(t, s)) in pairs.iter().enumerate() {
-            let pair = Pair::of(fields, frame_size, [t, s], in_first, depths.len());
+            let pair = Pair::of(fields, frame_size, [t, s], recordings);
             passes.run::<CH>(layout, rows, pair, |row, vector, means: [L; CH]| {
                 let place = row * blocks + vector;
                 let cross = Complex { re: means[0], im: means[1] };

@@ -19,6 +19,7 @@
 //! | `photron` | recordings of Photron cameras |
 //! | `mapped` | windows of large files, mapped into memory |
 //! | `times` | acquisition times from a file of their own |
+//! | `recordings` | several recordings of one scene, as one series |
 //! | `describe` | what `phasewalk info` prints |
 //!
 //! Arrays are stored in C order with axes (time, z, y, x); times are in seconds, phases in radians.
@@ -34,6 +35,7 @@ mod mask;
 pub mod npy;
 pub mod photron;
 mod raw;
+mod recordings;
 mod shape;
 mod staged;
 mod times;
@@ -50,6 +52,7 @@ pub use format::Format;
 pub use image::{ImageLayout, ImageWriter};
 pub use mask::read_mask;
 pub use raw::{RawFormat, RawImages, open_raw, visit_images};
+pub use recordings::Recordings;
 pub use shape::Shape;
 pub use staged::write_atomic;
 pub(crate) use staged::{StagedFile, StagedFolder};

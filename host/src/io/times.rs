@@ -2,20 +2,23 @@
 
 use super::{InputKind, Series, Shape, kind_of_input, npy};
 use crate::error::{Error, Result};
+use crate::trigger::log::{FORMAT, RunLog};
 use num_complex::Complex32;
 use std::ops::Range;
 use std::path::Path;
 
-/// Read one time per frame: an `.npy` array of one axis, or a text file with a number per line (a line without a number
-/// at the head, and everything behind a comma, are skipped).
+/// Read one time per frame: an `.npy` array of one axis, a text file with a number per line (a line without a number
+/// at the head, and everything behind a comma, are skipped), or the run log of the trigger board, which has a time in
+/// seconds for each volume that was taken.
 ///
 /// # Errors
-/// When the file cannot be read, a line is no number, there are not `frames` of them, or they do not ascend.
+/// When the file cannot be read, a line is no number, events of the run were lost, there are not `frames` times, or
+/// they do not ascend.
 pub fn read_times(path: &Path, frames: usize) -> Result<Vec<f64>> {
     let is_npy = path.extension().is_some_and(|extension| extension == "npy");
     let times = match is_npy.then(|| kind_of_input(path)).transpose()? {
         Some(InputKind::Npy) => npy::read_f64_1d(path)?,
-        _ => read_text(path)?,
+        _ => read_text_or_log(path)?,
     };
     if times.len() != frames {
         let given = times.len();
@@ -47,8 +50,18 @@ pub fn check_times(times: &[f64]) -> std::result::Result<(), usize> {
     }
 }
 
-fn read_text(path: &Path) -> Result<Vec<f64>> {
-    let text = std::fs::read_to_string(path).map_err(|error| Error::file(path, error))?;
+fn read_text_or_log(path: &Path) -> Result<Vec<f64>> {
+    let bytes = std::fs::read(path).map_err(|error| Error::file(path, error))?;
+    // A run log may be cut off within a character.
+    let text = String::from_utf8_lossy(&bytes);
+    if text.lines().next().is_some_and(|line| line.contains(FORMAT)) {
+        let log = RunLog::read(path)?;
+        return log.volume_times_s().map_err(|error| error.about(path));
+    }
+    read_text(path, &text)
+}
+
+fn read_text(path: &Path, text: &str) -> Result<Vec<f64>> {
     let mut times = Vec::new();
     for (number, line) in text.lines().enumerate() {
         let first = line.split(',').next().unwrap_or_default().trim();

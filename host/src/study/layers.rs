@@ -88,7 +88,7 @@ fn volume(
 /// Phases and standard deviations, as `phasewalk phase --layers 0..0,1..1` has them.
 fn estimate(scenario: &Scenario, series: &HeldSeries) -> Result<(Vec<f64>, Vec<f64>)> {
     let mut plan = plan(&scenario.times, Method::Linked)?;
-    plan.depths = Depths { first: 0..=0, second: Some(1..=1) };
+    plan.depths = Depths { first: 0..=0, second: Some(1..=1) }.into();
     let survey = survey(series, &plan.depths.all())?;
     let coherence = SpatialCoherence::estimate(series, &survey, &[0])?;
     let side = series.shape().width;

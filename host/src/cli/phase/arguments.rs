@@ -3,13 +3,14 @@
 use crate::cli::check_output;
 use crate::error::{Error, Result};
 use crate::io::npy::sibling;
-use crate::io::{Format, Series};
+use crate::io::{Format, Recordings, Series};
 use crate::looks::Looks;
 use crate::method::{Average, Depths, Method};
 use crate::notes;
+use crate::planes::Planes;
 use clap::ValueEnum;
 use phasewalk_core::weights::Weighting;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::figure::Picture;
 
@@ -21,7 +22,15 @@ pub(in crate::cli) struct Arguments {
     ///
     /// Frames that the group's `sweep_ok` marks as bad, and frames without any finite number, are
     /// left out of the computation; their results are NaN.
-    pub(super) series: PathBuf,
+    ///
+    /// Several series are repeated recordings of one scene, pixel on pixel and with the same timing
+    /// (intervals to 1 %, the stimulus at the same frame), and give one result: cross-spectra are
+    /// averaged over the recordings as well as over the pixels, never phases. How many independent
+    /// recordings they amount to is measured from their frames. A frame that is bad in one of them is
+    /// left out of all. Of one layer, motion of the whole sample must be the same in all; of two layers
+    /// it cancels.
+    #[arg(required = true, value_name = "SERIES")]
+    pub(super) series: Vec<PathBuf>,
     /// Curve: average over the pixels of this mask (y, x), true or non-zero inside
     #[arg(long, value_name = "M.npy")]
     pub(super) mask: Option<PathBuf>,
@@ -48,7 +57,8 @@ pub(in crate::cli) struct Arguments {
     /// [default: the fifth good one]
     #[arg(long, value_name = "FRAME", allow_negative_numbers = true)]
     pub(super) reference_frame: Option<usize>,
-    /// When the frames were taken: one time per frame, .npy or a text file with a number per line
+    /// When the frames were taken: one time per frame, .npy or a text file with a number per line, or the
+    /// run log of the trigger board (`trigger run --log`): seconds after its start
     /// [default: the series' own times, else the numbers of the frames]
     #[arg(long, value_name = "FILE")]
     pub(super) times: Option<PathBuf>,
@@ -60,8 +70,8 @@ pub(in crate::cli) struct Arguments {
     /// [default: the group's layer_ost_z minus layer_isos_z, where it has them]
     #[arg(long, value_name = "A..B,C..D", allow_hyphen_values = true)]
     pub(super) layers: Option<Depths>,
-    /// Looks for the weights' threshold: nominal (pixels of the mask, 4 pi sigma^2), effective
-    /// (independent speckles, estimated from the frames) or a number
+    /// Looks for the weights' threshold: nominal (pixels of the mask, 4 pi sigma^2, of each recording),
+    /// effective (independent speckles, estimated from the frames) or a number
     /// [default: nominal for paper weights, effective for fisher and for method linked]
     #[arg(long, value_name = "LOOKS", allow_negative_numbers = true)]
     pub(super) looks: Option<Looks>,
@@ -157,8 +167,39 @@ impl Arguments {
         })
     }
 
+    /// The depths to combine in every recording.
+    pub(super) fn planes(&self, recordings: &Recordings) -> Result<Planes> {
+        let of = |(path, series): (&Path, &dyn Series)| {
+            let depths = self.depths(series).map_err(|error| error.about(path))?;
+            Ok((depths, series.shape().depth))
+        };
+        let (depths, depth): (Vec<_>, Vec<_>) =
+            recordings.each().map(of).collect::<Result<Vec<_>>>()?.into_iter().unzip();
+        Ok(Planes::of_recordings(depths, depth.first().copied().unwrap_or_default()))
+    }
+
+    /// The error with the recordings it is about, unless it names one already.
+    pub(super) fn about(&self, error: Error) -> Error {
+        if self.series.iter().any(|path| error.names(path)) {
+            return error;
+        }
+        let names: Vec<String> =
+            self.series.iter().map(|path| path.display().to_string()).collect();
+        error.about(Path::new(&names.join(", ")))
+    }
+
+    /// What figures call the recordings.
+    pub(super) fn label(&self) -> String {
+        let first = self.series.first().and_then(|path| path.file_name()).unwrap_or_default();
+        let name = first.to_string_lossy();
+        match self.series.len().saturating_sub(1) {
+            0 => name.into_owned(),
+            more => format!("{name} and {more} more"),
+        }
+    }
+
     /// The depths asked for, else those that the series itself names.
-    pub(super) fn depths(&self, series: &dyn Series) -> Result<Depths> {
+    fn depths(&self, series: &dyn Series) -> Result<Depths> {
         let given = match &self.layers {
             Some(depths) => Some(depths.clone()),
             None => notes::layers(series)?,
@@ -229,7 +270,7 @@ impl Arguments {
     }
 
     /// The map of the decorrelation.
-    fn validate_map(&self, inputs: &[&std::path::Path]) -> Result<()> {
+    fn validate_map(&self, inputs: &[&Path]) -> Result<()> {
         let Some(map) = &self.decorrelation else { return Ok(()) };
         if self.method != MethodName::Linked || self.gaussian.is_none() {
             return Err(Error::usage(
@@ -263,7 +304,7 @@ impl Arguments {
 
     /// No output may be an input, or another output.
     fn validate_files(&self) -> Result<()> {
-        let mut inputs = vec![self.series.as_path()];
+        let mut inputs: Vec<&Path> = self.series.iter().map(PathBuf::as_path).collect();
         inputs.extend(self.mask.as_deref());
         inputs.extend(self.control.as_deref());
         inputs.extend(self.times.as_deref());

@@ -1,7 +1,7 @@
 //! The phase of a region over time, less that of a control region.
 
 use super::figure::FigureFile;
-use super::{Task, check_looks};
+use super::{AddedLooks, Task, check_looks};
 use crate::cli::print;
 use crate::curve::{LINKED_WINDOW_LOOKS, Linked, Region, curve, link_region, subtract};
 use crate::error::{Error, Result};
@@ -49,7 +49,8 @@ impl Task<'_> {
         figure: Option<FigureFile>,
     ) -> Result<()> {
         let memory = result.bytes.max(control.map_or(0, |control| control.bytes));
-        let mut facts = self.facts(survey, result.looks, result.effective_looks, memory);
+        let mut facts =
+            self.facts(survey, result.looks, result.effective_looks, result.recordings, memory);
         facts.insert("pixels".to_owned(), json!(result.pixels));
         if let Some(linked) = &result.linked {
             facts.insert("coherence_model".to_owned(), model(linked));
@@ -89,7 +90,7 @@ impl Task<'_> {
         let phase = |row: &CurveRow| row.phase_rad;
         let direct = result.direct.as_ref().map(|direct| self.good.rows_of_all(direct));
         let direct = direct.map(|direct| column(&direct, phase));
-        let name = self.arguments.series.file_name().unwrap_or_default().to_string_lossy();
+        let name = self.arguments.label();
         let less = control.map(|c| format!(" less {} of the control", c.pixels));
         let figure = PhaseCurve {
             label: &format!("{name}: {} pixels{}", result.pixels, less.unwrap_or_default()),
@@ -142,24 +143,22 @@ struct Ground<'a> {
     task: &'a Task<'a>,
     survey: &'a Survey,
     coherence: SpatialCoherence,
-    /// Looks that the depths of a layer add to each pixel, where the method counts them.
-    looks_of_layers: f64,
+    added: AddedLooks,
 }
 
 impl<'a> Ground<'a> {
     fn new(task: &'a Task<'a>, survey: &'a Survey) -> Result<Self> {
-        let linked = task.plan.method == Method::Linked;
-        let looks_of_layers = if linked { task.looks_of_layers(survey)? } else { 1.0 };
-        Ok(Self { task, survey, coherence: task.coherence(survey)?, looks_of_layers })
+        let (coherence, added) = (task.coherence(survey)?, task.added_looks(survey)?);
+        Ok(Self { task, survey, coherence, added })
     }
 
     /// The sub-windows that linked phases of two layers need.
     fn window(&self) -> Option<Block> {
         let Task { good, plan, .. } = self.task;
-        let two = plan.method == Method::Linked && plan.depths.second.is_some();
+        let two = plan.method == Method::Linked && plan.depths.has_two_layers();
         let Shape { height, width, .. } = good.shape();
         let limit = height.min(width);
-        let of_looks = |looks| self.coherence.block_of_looks(looks, self.looks_of_layers, limit);
+        let of_looks = |looks| self.coherence.block_of_looks(looks, self.added.depths, limit);
         two.then(|| of_looks(LINKED_WINDOW_LOOKS))
     }
 
@@ -172,8 +171,9 @@ impl<'a> Ground<'a> {
             .map_err(|error| error.about(path))?;
         let usable: Vec<bool> =
             mask.iter().zip(&self.survey.valid).map(|(&m, &v)| m && v).collect();
-        let effective_looks = self.coherence.looks_of_mask(&usable, width) * self.looks_of_layers;
-        let looks = arguments.looks().choose(region.pixels() as f64, effective_looks);
+        let effective_looks = self.coherence.looks_of_mask(&usable, width) * self.added.product();
+        let nominal = (region.pixels() * arguments.series.len()) as f64;
+        let looks = arguments.looks().choose(nominal, effective_looks);
         check_looks(plan.method, looks, flag)?;
         let (rows, linked) = if plan.method == Method::Linked {
             let linked = link_region(&region, plan, looks, &progress).map_err(|e| e.about(path))?;
@@ -194,6 +194,7 @@ impl<'a> Ground<'a> {
             left_out: region.left_out,
             looks,
             effective_looks,
+            recordings: self.added.recordings,
             bytes: Region::bytes(
                 mask.iter().filter(|&&m| m).count(),
                 frames,
@@ -212,6 +213,8 @@ struct Evaluated {
     left_out: usize,
     looks: f64,
     effective_looks: f64,
+    /// How many independent recordings those that there are amount to.
+    recordings: f64,
     /// Memory of its fields.
     bytes: u64,
 }

@@ -25,9 +25,8 @@ impl Decorrelation {
         let image = |(quantity, name): (Quantity, &'static str)| {
             (quantity, name, quantity.image(tiles, height, width))
         };
-        let name = task.arguments.series.file_name().unwrap_or_default().to_string_lossy();
         Self {
-            label: name.into_owned(),
+            label: task.arguments.label(),
             size: (height, width),
             wavelength_nm: task.wavelength_nm,
             unit: if task.good.times_s().is_some() { "s" } else { "frame" },

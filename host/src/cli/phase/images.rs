@@ -27,16 +27,18 @@ impl Task<'_> {
         let survey = self.survey()?;
         let coherence = self.coherence(&survey)?;
         let linked = self.plan.method == Method::Linked;
-        let of_layers = if linked { self.looks_of_layers(&survey)? } else { 1.0 };
-        let effective = coherence.looks_of_kernel(&kernel) * of_layers;
-        let looks = self.arguments.looks().choose(kernel.nominal_looks(), effective);
+        let added = self.added_looks(&survey)?;
+        let effective = coherence.looks_of_kernel(&kernel) * added.product();
+        let nominal = kernel.nominal_looks() * self.arguments.series.len() as f64;
+        let looks = self.arguments.looks().choose(nominal, effective);
         check_looks(self.plan.method, looks, "--gaussian")?;
         let fit = Fit {
             series: &self.good,
             survey: &survey,
             plan: &self.plan,
             coherence: &coherence,
-            looks_of_layers: of_layers,
+            looks_of_layers: added.depths,
+            looks_of_recordings: added.recordings,
             looks,
             path,
         };
@@ -56,7 +58,7 @@ impl Task<'_> {
             threads: self.common.threads(),
             memory: self.memory(),
         };
-        self.write_images(&job, &coherence, figure)
+        self.write_images(&job, &coherence, added.recordings, figure)
     }
 
     /// The figure's file and frames, before anything is computed.
@@ -70,6 +72,7 @@ impl Task<'_> {
         &self,
         job: &ImageJob<'_>,
         coherence: &SpatialCoherence,
+        recordings: f64,
         figure: Option<(FigureFile, Shown)>,
     ) -> Result<()> {
         let memory = job.memory_plan()?;
@@ -79,7 +82,8 @@ impl Task<'_> {
             let bytes = megabytes(memory.bytes);
             print(&format!("{strips} strips on {threads} threads; {bytes} of memory"));
         }
-        let mut facts = self.facts(job.survey, job.looks, job.effective_looks, memory.bytes);
+        let mut facts =
+            self.facts(job.survey, job.looks, job.effective_looks, recordings, memory.bytes);
         let map_file =
             self.arguments.decorrelation.as_deref().map(FigureFile::create).transpose()?;
         let layout = self.layout(memory.strip_rows, facts.clone());

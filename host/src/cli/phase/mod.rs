@@ -24,25 +24,30 @@ use super::Common;
 use crate::error::{Error, Result};
 use crate::figures::style;
 use crate::frames::ChosenFrames;
-use crate::io::{Timed, check_times, open_series};
-use crate::looks::{SpatialCoherence, looks_of_depths};
-use crate::method::{Depths, Method, Plan};
+use crate::io::{Recordings, Series, Timed, check_times};
+use crate::looks::{SpatialCoherence, looks_of_depths, looks_of_recordings};
+use crate::method::{Method, Plan};
+use crate::planes::Planes;
 use crate::series::{Survey, survey};
 use phasewalk_core::params::RANDOM_PROBABILITY;
 use std::time::Instant;
 
 pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     arguments.validate()?;
-    let mut series = open_series(&arguments.series)?;
-    if let Some(times) = &arguments.times {
-        series = Box::new(Timed::read(series, times)?);
-    }
+    let recordings = Recordings::open(&arguments.series)?;
+    let planes = arguments.planes(&recordings)?;
+    let series: Box<dyn Series> = match &arguments.times {
+        Some(times) => Box::new(Timed::read(Box::new(recordings), times)?),
+        None => {
+            recordings.check_times()?;
+            Box::new(recordings)
+        }
+    };
     let series = series.as_ref();
-    let about = |error: Error| error.about(&arguments.series);
-    let depths = arguments.depths(series).map_err(about)?;
+    let about = |error: Error| arguments.about(error);
     let wavelength_nm = arguments.wavelength(series).map_err(about)?;
-    let good = ChosenFrames::good(series, &depths.all()).map_err(about)?;
-    let plan = plan(arguments, &good, depths).map_err(about)?;
+    let good = ChosenFrames::good(series, &planes.all()).map_err(about)?;
+    let plan = plan(arguments, &good, planes).map_err(about)?;
     let task = Task { arguments, common, good, plan, wavelength_nm, start: Instant::now() };
     match (&arguments.mask, arguments.gaussian) {
         (Some(path), _) => task.curve(path),
@@ -51,11 +56,11 @@ pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
 }
 
 /// The method for the good frames, which keep their times.
-fn plan(arguments: &Arguments, good: &ChosenFrames<'_>, depths: Depths) -> Result<Plan> {
+fn plan(arguments: &Arguments, good: &ChosenFrames<'_>, planes: Planes) -> Result<Plan> {
     let reference = arguments.reference_frame;
     let reference = reference.map(|frame| good.position(frame, "--reference-frame")).transpose()?;
     let frames = good.numbers().len();
-    let mut plan = Plan::new(arguments.method(), frames, arguments.max_lag, reference, depths)?;
+    let mut plan = Plan::new(arguments.method(), frames, arguments.max_lag, reference, planes)?;
     plan.average = arguments.average();
     plan.times_s = good.numbers().iter().map(|&frame| good.time_of(frame)).collect();
     plan.acceleration = arguments.acceleration;
@@ -88,7 +93,22 @@ fn check_looks(method: Method, looks: f64, region: &str) -> Result<()> {
     )))
 }
 
-/// What the flags and the file have settled.
+/// Factors of the looks of one plane.
+#[derive(Clone, Copy)]
+struct AddedLooks {
+    /// Of the depths of a layer, where the method counts them.
+    depths: f64,
+    /// Of the recordings.
+    recordings: f64,
+}
+
+impl AddedLooks {
+    fn product(self) -> f64 {
+        self.depths * self.recordings
+    }
+}
+
+/// What the flags and the files have settled.
 struct Task<'a> {
     arguments: &'a Arguments,
     common: &'a Common,
@@ -101,23 +121,32 @@ struct Task<'a> {
 
 impl Task<'_> {
     fn survey(&self) -> Result<Survey> {
-        survey(&self.good, &self.plan.depths.all())
-            .map_err(|error| error.about(&self.arguments.series))
+        survey(&self.good, &self.plan.depths.all()).map_err(|error| self.arguments.about(error))
     }
 
-    /// Looks that the depths of a layer add to each pixel: of the layer that has fewer.
-    fn looks_of_layers(&self, survey: &Survey) -> Result<f64> {
-        let of = |layer: &std::ops::RangeInclusive<usize>| {
-            looks_of_depths(&self.good, survey, &layer.clone().collect::<Vec<_>>())
-        };
-        let first = of(&self.plan.depths.first)?;
-        let second = self.plan.depths.second.as_ref().map(of).transpose()?;
-        Ok(second.map_or(first, |second| first.min(second)))
+    /// Looks that depths and recordings add to each pixel: of the layer that has fewer.
+    fn added_looks(&self, survey: &Survey) -> Result<AddedLooks> {
+        let layers = self.plan.depths.by_layer();
+        let mut added = AddedLooks { depths: 1.0, recordings: f64::INFINITY };
+        for layer in &layers {
+            let amount = looks_of_recordings(&self.good, survey, layer)?;
+            added.recordings = added.recordings.min(amount);
+        }
+        if self.plan.method == Method::Linked {
+            let of = |depths: &Vec<usize>| looks_of_depths(&self.good, survey, depths);
+            let looks: Vec<f64> = layers.iter().flatten().map(of).collect::<Result<_>>()?;
+            added.depths = looks.into_iter().fold(f64::INFINITY, f64::min);
+        }
+        Ok(added)
     }
 
     fn coherence(&self, survey: &Survey) -> Result<SpatialCoherence> {
-        let layer: Vec<usize> = self.plan.depths.first.clone().collect();
-        SpatialCoherence::estimate(&self.good, survey, &layer)
+        SpatialCoherence::estimate(&self.good, survey, &self.first_layer())
+    }
+
+    /// Z1 of the first recording.
+    fn first_layer(&self) -> Vec<usize> {
+        self.plan.depths.by_layer().into_iter().flatten().next().unwrap_or_default()
     }
 
     /// What figures call the method, and its colour.

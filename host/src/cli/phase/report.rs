@@ -9,6 +9,9 @@ use clap::ValueEnum;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
+/// How many independent recordings several ones amount to.
+const INDEPENDENT: &str = "independent_recordings";
+
 impl Task<'_> {
     /// What made the result, kept with it.
     pub(super) fn facts(
@@ -16,11 +19,13 @@ impl Task<'_> {
         survey: &Survey,
         looks: f64,
         effective: f64,
+        recordings: f64,
         memory: u64,
     ) -> Attributes {
         let mut facts = Attributes::new();
         let paper = matches!(self.plan.method, Method::Paper(_));
         let left_out = self.good.left_out();
+        let several = self.arguments.series.len() > 1;
         for (key, value) in [
             ("software", json!(concat!("phasewalk ", env!("CARGO_PKG_VERSION")))),
             ("series", json!(self.arguments.series)),
@@ -34,6 +39,7 @@ impl Task<'_> {
             ("gaussian_px", json!(self.arguments.gaussian)),
             ("looks", json!(looks)),
             ("effective_looks", json!(effective)),
+            (INDEPENDENT, if several { json!(recordings) } else { Value::Null }),
             ("wavelength_nm", json!(self.wavelength_nm)),
             ("pixels_not_finite", json!(survey.not_finite)),
             ("pixels_dark", json!(survey.dark)),
@@ -66,8 +72,13 @@ impl Task<'_> {
         }
         let looks = |key: &str| facts.get(key).and_then(Value::as_f64).unwrap_or(f64::NAN);
         let layers = self.layers().map(|layers| format!(", layers {layers}")).unwrap_or_default();
+        let recordings = facts.get(INDEPENDENT).and_then(Value::as_f64).map(|amount| {
+            let count = self.arguments.series.len();
+            format!(" of {count} recordings ({amount:.2} of them independent)")
+        });
+        let recordings = recordings.unwrap_or_default();
         print(&format!(
-            "{} frames{layers}, {region}, {} pairs; {:.1} looks, {:.1} of them independent",
+            "{} frames{recordings}{layers}, {region}, {} pairs; {:.1} looks, {:.1} of them independent",
             self.plan.frames(),
             self.plan.pairs().len(),
             looks("looks"),
@@ -78,8 +89,8 @@ impl Task<'_> {
 
     /// The depths compared, of two layers.
     fn layers(&self) -> Option<String> {
-        let depths = &self.plan.depths;
-        depths.second.as_ref().map(|_| depths.to_string())
+        let planes = &self.plan.depths;
+        planes.has_two_layers().then(|| planes.to_string())
     }
 }
 

@@ -43,7 +43,7 @@ impl Shown {
                 frames.push(task.good.position(frame, "--at")?);
             }
         }
-        let bar = bar(task).map_err(|error| error.about(&task.arguments.series))?;
+        let bar = bar(task).map_err(|error| task.arguments.about(error))?;
         Ok(Self { held: HeldImages::new(frames.clone(), height, width), frames, bar })
     }
 
@@ -93,8 +93,8 @@ fn spread(reference: usize, last: usize) -> Vec<usize> {
 /// The direct difference of each frame to the first, one pair of frames for each.
 fn direct(task: &Task<'_>, imaging: &Imaging<'_>, frames: &[usize]) -> Result<Array3<f32>> {
     let pairs = ChosenFrames::new(&task.good, frames.to_vec())?;
-    let depths = task.plan.depths.clone();
-    let mut plan = Plan::new(Method::Direct, frames.len(), None, Some(0), depths)?;
+    let planes = task.plan.depths.clone();
+    let mut plan = Plan::new(Method::Direct, frames.len(), None, Some(0), planes)?;
     plan.params.reference_frames = 1;
     plan.average = task.plan.average;
     Imaging { series: &pairs, ..*imaging }.phases(&plan, "direct difference")
@@ -123,8 +123,8 @@ fn label(task: &Task<'_>, frame: usize) -> String {
 /// |U| in the middle of the first layer.
 fn amplitude(task: &Task<'_>, frame: usize) -> Result<Array2<f32>> {
     let Shape { height, width, .. } = task.good.shape();
-    let layer = &task.plan.depths.first;
-    let middle = (layer.start() + layer.end()) / 2;
+    let layer = task.first_layer();
+    let middle = layer.get(layer.len().saturating_sub(1) / 2).copied().unwrap_or_default();
     let mut field = vec![num_complex::Complex32::default(); height * width];
     task.good.read_rows(frame, middle, 0..height, &mut field)?;
     Ok(Array2::from_shape_fn((height, width), |(y, x)| field[y * width + x].norm()))
