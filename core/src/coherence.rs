@@ -98,11 +98,18 @@ impl<T: Real, const K: usize> Mixture<T, K> {
         // The time lies between those of the fastest and of the slowest term.
         let ends = (self.rates.last(), self.rates.get(1));
         let (Some(&fast), Some(&slow)) = ends else { return T::zero() };
+        let left = whole * T::from_f64(core::f64::consts::E.recip());
+        self.rate_to(self.floor() + left, slow, fast)
+    }
+
+    /// One over the lag at which h has fallen to `value`, between the rates `slow` and `fast` (above 0), per unit of time:
+    /// 1e-4 of it, or the nearer end if it is not between them.
+    #[must_use]
+    pub fn rate_to(&self, value: T, slow: T, fast: T) -> T {
         let (mut low, mut high) = (slow, fast);
         for _ in 0..HALVINGS {
             let middle = (low * high).sqrt();
-            let left = (self.at(T::one() / middle) - self.floor()) / whole;
-            if left > T::from_f64(core::f64::consts::E.recip()) {
+            if self.at(T::one() / middle) > value {
                 high = middle;
             } else {
                 low = middle;

@@ -2,7 +2,7 @@
 //! to check it. Both take it from here, so that their `f32` results are the same bits.
 //!
 //! Volumes are numbered 0, 1, 2, …, and these numbers are their times: phase linking by [`crate::tracker`], with
-//! its defaults, a window of 16 volumes and the anchor. What it takes of `libm` (e^x, logarithm, sine and
+//! its defaults, a window of 16 volumes and the anchor; without jumps of the pattern, which would take time. What it takes of `libm` (e^x, logarithm, sine and
 //! cosine, arc tangent, rounding) is the same bits on every machine, as is all other arithmetic of IEEE 754.
 
 use crate::error::Error;
@@ -32,7 +32,8 @@ impl<T: Real> OnlineTracker<T> {
     /// Those of [`check`].
     pub fn new(speckles: usize, looks: f64) -> Result<Self, Error> {
         check(speckles, looks)?;
-        FieldTracker::new(TrackerSettings::for_looks(looks, 1.0)).map(Self)
+        let settings = TrackerSettings::for_looks(looks, 1.0);
+        FieldTracker::new(TrackerSettings { jumps: false, ..settings }).map(Self)
     }
 
     /// Take the next volume and say where the phase is now.

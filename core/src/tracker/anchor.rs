@@ -5,8 +5,8 @@
 //! ⟨U_t conj A⟩ aligned  =  s_t sum over k of c_k exp(-r_k (t - t_A)) S_k
 //! S_k  =  sum over j of s_j^2 exp(-r_k (t_A - t_j)),   ⟨|A|²⟩ = E_A
 //! ```
-//! for frames of unit power and the coherence h(tau) = sum over k of c_k exp(-r_k tau); t_A is the time of the frame
-//! that joined last. Coherence with a sum of decays stays a sum of the same decays: K numbers stand for all absorbed frames.
+//! for frames of unit power and the coherence h(tau) = sum over k of c_k exp(-r_k tau); times t by the clock of the
+//! decorrelation ([`super::clock`]), t_A that of the frame that joined last. Coherence with a sum of decays stays a sum of the same decays: K numbers stand for all absorbed frames.
 
 use crate::coherence::Mixture;
 use crate::scalar::Real;

@@ -41,7 +41,7 @@ impl<T: Real, const NODES: usize> Tracker<T, NODES> {
         if self.memory.is_known() || !lit(node.quality) {
             return;
         }
-        let tau = before.get(j).map_or(0.0, |other| node.time - other.time);
+        let tau = before.get(j).map_or(0.0, |other| node.clock - other.clock);
         let coherence = self.nodes.coherence_squared(newest, first + j).sqrt();
         self.memory.guess(coherence, T::from_f64(tau));
     }
@@ -51,7 +51,7 @@ impl<T: Real, const NODES: usize> Tracker<T, NODES> {
     ///
     /// Only usable frames bear witness, if there are any: after a total loss of coherence the first new frame has a
     /// small quality, to which the second one's coherence with it is large.
-    fn judge(&mut self, newest: usize) {
+    pub(super) fn judge(&mut self, newest: usize) {
         let (first, aligned) = (self.nodes.oldest(), self.nodes.aligned());
         let [before @ .., node] = self.nodes.window() else { return };
         if before.len() < 3 || node.quality <= T::zero() || !self.memory.is_known() {
@@ -61,7 +61,7 @@ impl<T: Real, const NODES: usize> Tracker<T, NODES> {
         let any = before.iter().any(is_usable);
         let witnesses = before.iter().enumerate().filter(|(_, other)| !any || is_usable(other));
         let pairs = witnesses.map(|(j, other)| {
-            let model = self.memory.mixture.at(T::from_f64(node.time - other.time));
+            let model = self.memory.mixture.at(T::from_f64(node.clock - other.clock));
             (aligned.coherence(newest, first + j), model, other.weight())
         });
         let quality = quality_of_one(pairs, self.settings.looks);
@@ -107,7 +107,7 @@ impl<T: Real, const NODES: usize> Tracker<T, NODES> {
     pub(super) fn keep_anchor(&mut self, newest: usize) {
         let Some(node) = self.nodes.window().last() else { return };
         if self.nodes.is_anchored() && node.quality > T::from_f64(USABLE) {
-            let factors = self.anchor.factors(&self.memory.mixture, node.time);
+            let factors = self.anchor.factors(&self.memory.mixture, node.clock);
             let coherence = self.nodes.aligned().coherence(0, newest) / node.quality;
             let weight = T::from_f64(self.settings.anchor_weight);
             self.memory.keep_anchor(&factors, coherence, weight);

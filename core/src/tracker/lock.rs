@@ -56,10 +56,10 @@ impl<T: Real, const NODES: usize> Tracker<T, NODES> {
         self.anchor.forget();
     }
 
-    /// Time between the two newest frames.
+    /// Time between the two newest frames, by the clock of the decorrelation.
     fn lag_of_newest(&self) -> T {
         match self.nodes.window() {
-            [.., before, newest] => T::from_f64(newest.time - before.time),
+            [.., before, newest] => T::from_f64(newest.clock - before.clock),
             _ => T::zero(),
         }
     }

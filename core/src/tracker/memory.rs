@@ -111,7 +111,7 @@ impl<T: Real> Memory<T> {
         normal.add(e, coherence / both, weight);
     }
 
-    /// Gamma_ij = s_i s_j h(|t_i - t_j|) of the window, and the coherences with the anchor; 1 on the diagonal.
+    /// Gamma_ij = s_i s_j h(|u_i - u_j|) of the window, and the coherences with the anchor; 1 on the diagonal.
     pub(super) fn fill_model<const N: usize>(
         &self,
         nodes: &Nodes<T, N>,
@@ -127,7 +127,7 @@ impl<T: Real> Memory<T> {
             });
             gamma.set(first + i, first + i, T::one());
             if nodes.is_anchored() {
-                let factors = anchor.factors(&self.mixture, node.time);
+                let factors = anchor.factors(&self.mixture, node.clock);
                 let h = dot(&self.mixture.shares, &factors) * node.weight();
                 let h = h.max(T::zero()).min(T::from_f64(LARGEST_WITH_ANCHOR));
                 gamma.set_both(0, first + i, h);
@@ -143,7 +143,7 @@ fn both<T: Real>(window: &[Node<T>], i: usize, j: usize) -> T {
     weight(i) * weight(j)
 }
 
-/// exp(-r_k (t_j - t_i)) of all pairs of frames, as products over the intervals between them: exponentials cost
+/// exp(-r_k (u_j - u_i)) of all pairs of frames, as products over the intervals between them: exponentials cost
 /// more than the rest of the fit.
 struct Decays<T, const N: usize> {
     /// From each frame to the next.
@@ -157,7 +157,7 @@ impl<T: Real, const N: usize> Decays<T, N> {
         let mut last = (f64::NAN, [T::zero(); DECAYS]);
         for pair in frames.windows(2) {
             let &[before, after] = pair else { break };
-            let interval = after.time - before.time;
+            let interval = after.clock - before.clock;
             if interval != last.0 {
                 last = (interval, mixture.decays(T::from_f64(interval)));
             }

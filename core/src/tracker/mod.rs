@@ -10,6 +10,7 @@
 //! regression   a = (Gamma_pp + ridge/L)^-1 Gamma_pi,   d = max(1 - a^T Gamma_pi, 0.01)
 //! start        phi_i = arg sum over j of a_j gamma_ij exp(i phi_j), next to where it is expected
 //! quality      s_i from the coherences with the window (`quality::quality_of_one`)
+//! clock        was the frame before bad, or did the pattern jump before it?
 //! decays       h fitted to the window and to what is remembered of all frames before
 //! weights      Q <- Q + v v^T / d,   v = (-a, 1)
 //! scoring      phi <- phi + H^-1 g, `passes` times: all phases of the window move
@@ -27,15 +28,17 @@
 //! holds at 0, so its covariance is that of the reported difference, and later frames sharpen it as
 //! long as the reference frames are in the window (N_0 is at most the window). While there are
 //! fewer than N_0 frames it is the mean of the usable ones so far; N_0 = 1 refers to the first
-//! frame. The figure is that of the fitted model; where the decorrelation rate changes along the series, it is
-//! too small (by up to a half), and periodic coherence, which a mixture of decays cannot
-//! follow, costs up to three times the bound. At perfect coherence the model's noise of 0.5 % leaves a few mrad.
+//! frame. The figure is that of the fitted model; where the decorrelation rate grows along the series, it would
+//! be half of what it should be without the jumps of the clock ([`TrackerSettings::jumps`]). Periodic coherence, which a
+//! mixture of decays cannot follow, costs up to three times the bound. At perfect coherence the model's noise of
+//! 0.5 % leaves a few mrad.
 //!
 //! **Long runs.** In `f32` the anchor takes no more frames in after 2^24 (`anchor_memory` below 1 keeps it
 //! young), and phases beyond 1000 rad have lost the fourth decimal.
 
 mod anchor;
 mod arrival;
+mod clock;
 mod fields;
 mod filter;
 mod gauge;
@@ -126,7 +129,7 @@ impl<T: Copy> Absorb<T> {
 /// window, oldest first. For each frame call [`Self::absorb`], do with the fields as it says, then
 /// [`Self::push`].
 ///
-/// Memory: 3 NODES^2 + 5 NODES + 119 numbers, and a time and a flag per node: 4.7 kB in `f32` at B = 16. A frame
+/// Memory: 3 NODES^2 + 5 NODES + 119 numbers, and two times and a flag per node: 4.8 kB in `f32` at B = 16. A frame
 /// needs two more matrices, 2 NODES^2 numbers, and some rows on the stack.
 #[derive(Clone, Debug)]
 pub struct Tracker<T, const NODES: usize> {
@@ -211,7 +214,7 @@ impl<T: Real, const NODES: usize> Tracker<T, NODES> {
             return Absorb::Drop { smoothed };
         }
         let leaves = self.nodes.window().first();
-        let (time, weight) = leaves.map_or((0.0, T::zero()), |node| (node.time, node.weight()));
+        let (time, weight) = leaves.map_or((0.0, T::zero()), |node| (node.clock, node.weight()));
         let factor = conjugate(unit(smoothed.phase_rad));
         if !self.nodes.is_anchored() {
             self.nodes.found_anchor(factor);
@@ -265,6 +268,9 @@ impl<T: Real, const NODES: usize> Tracker<T, NODES> {
             return Ok(self.estimate(newest, T::zero()));
         }
         self.begin(newest);
+        if self.settings.jumps {
+            self.reconsider(newest);
+        }
         if self.is_lock_lost(newest) {
             self.lock_again(newest);
         }
@@ -334,7 +340,7 @@ mod tests {
     fn a_window_of_sixteen_frames_takes_few_kilobytes() {
         let (single, double) = (size_of::<Tracker<f32, NODES>>(), size_of::<Tracker<f64, NODES>>());
         std::println!("{single} bytes in f32, {double} in f64");
-        assert!(single < 4700, "{single}");
+        assert!(single < 4900, "{single}");
         assert!(double < 9200, "{double}");
     }
 

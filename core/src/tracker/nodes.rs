@@ -14,6 +14,8 @@ const LARGEST_POWER: f64 = 1e12;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Node<T> {
     pub(super) time: f64,
+    /// u: the time by the clock of the decorrelation, see [`super::clock`].
+    pub(super) clock: f64,
     /// phi, rad.
     phase: T,
     /// exp(i phi), kept because it costs much on a processor without `f64`.
@@ -28,7 +30,7 @@ impl<T: Real> Node<T> {
     /// At the phase 0.
     pub(super) fn new(time: f64, quality: T) -> Self {
         let (phase, unit) = (T::zero(), Complex { re: T::one(), im: T::zero() });
-        Self { time, phase, unit, quality, lost: false }
+        Self { time, clock: time, phase, unit, quality, lost: false }
     }
 
     pub(super) fn phase(&self) -> T {
@@ -90,11 +92,13 @@ pub(super) struct Nodes<T, const N: usize> {
     cross: Hermitian<T, N>,
     /// Is the first node the anchor?
     anchored: bool,
+    /// By how much the clock of the decorrelation is ahead of the time.
+    ahead: f64,
 }
 
 impl<T: Real, const N: usize> Nodes<T, N> {
     pub(super) fn new() -> Self {
-        Self { list: Vec::new(), cross: Hermitian::new(), anchored: false }
+        Self { list: Vec::new(), cross: Hermitian::new(), anchored: false, ahead: 0.0 }
     }
 
     pub(super) fn all(&self) -> &[Node<T>] {
@@ -139,7 +143,15 @@ impl<T: Real, const N: usize> Nodes<T, N> {
         self.cross.set(n, n, Complex { re: power, im: T::zero() });
         let quality = if lit { T::one() } else { T::zero() };
         // Cannot fail: the tracker makes room first.
-        let _ = self.list.push(Node::new(time, quality));
+        let _ = self.list.push(Node { clock: time + self.ahead, ..Node::new(time, quality) });
+    }
+
+    /// The two newest frames and all to come are later by `more` on the clock of the decorrelation.
+    pub(super) fn put_clock_forward(&mut self, more: f64) {
+        self.ahead += more;
+        for node in self.list.iter_mut().rev().take(2) {
+            node.clock += more;
+        }
     }
 
     /// Delete node k.

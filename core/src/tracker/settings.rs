@@ -31,6 +31,9 @@ pub struct TrackerSettings {
     pub anchor_memory: f64,
     /// How many pairs of the window the coherence with the anchor counts as, in the fit of the decays.
     pub anchor_weight: f64,
+    /// May the speckle move on by more from one frame to the next than the times say (a jump, a rate that varies)? A frame
+    /// of low quality with which the next one agrees then counts as good and late.
+    pub jumps: bool,
 }
 
 impl TrackerSettings {
@@ -48,6 +51,7 @@ impl TrackerSettings {
             anchor: true,
             anchor_memory: 1.0,
             anchor_weight: 4.0,
+            jumps: true,
         }
     }
 

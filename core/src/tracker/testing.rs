@@ -33,6 +33,11 @@ impl<const P: usize> Speckle<P> {
         })
     }
 
+    /// From now on the pattern falls apart by a factor `rho` per frame.
+    pub(crate) fn decay(&mut self, rho: f64) {
+        self.rho = rho;
+    }
+
     /// A pattern that has nothing to do with the one before.
     pub(crate) fn replace(&mut self) {
         self.pattern = self.noise();
