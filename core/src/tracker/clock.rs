@@ -26,12 +26,15 @@ const GAIN: f64 = 4.0;
 impl<T: Real, const NODES: usize> Tracker<T, NODES> {
     /// With the newest frame: was the one before it bad, or did the pattern jump before it?
     ///
-    /// A frame that is not usable stays as it is: of two outliers that agree with each other by chance the second would
-    /// make a jump of the first.
+    /// A frame that is not usable stays as it is, and so does one with which the newest has nothing in common: of two
+    /// outliers in a row the second would make a jump of the first, if that was taken for usable by chance.
     pub(super) fn reconsider(&mut self, newest: usize) {
         let Some(jump) = self.jump() else { return };
         let Some(suspect) = newest.checked_sub(1) else { return };
-        if self.gain(jump, newest) > T::from_f64(GAIN) {
+        let expected = self.memory.mixture.at(self.lag_of_newest());
+        let common = self.nodes.aligned().coherence(newest, suspect);
+        let agrees = common > T::from_f64(USABLE) * expected;
+        if agrees && self.gain(jump, newest) > T::from_f64(GAIN) {
             self.nodes.put_clock_forward(jump.to_f64());
             if let Some(node) = self.nodes.all_mut().get_mut(suspect) {
                 node.quality = T::one();
@@ -146,7 +149,7 @@ mod tests {
     #[test]
     fn bad_frames_stay_bad() {
         let bad = |frame: usize| matches!(frame, 11 | 30 | 31 | 52);
-        for seed in 0..20 {
+        for seed in 0..200 {
             let run = |jumps| {
                 let mut speckle = Speckle::<LOOKS>::new(seed, 0.92);
                 let mut tracker = FieldTracker::<f32, LOOKS, NODES>::new(settings(jumps)).unwrap();

@@ -57,7 +57,7 @@ impl<T: Real, const NODES: usize> Tracker<T, NODES> {
     }
 
     /// Time between the two newest frames, by the clock of the decorrelation.
-    fn lag_of_newest(&self) -> T {
+    pub(super) fn lag_of_newest(&self) -> T {
         match self.nodes.window() {
             [.., before, newest] => T::from_f64(newest.clock - before.clock),
             _ => T::zero(),
