@@ -95,6 +95,15 @@ pub fn sandwich<T: Real>(
     enclose(out, a, b);
 }
 
+/// Share of the first of two layers in the decay of the product of their coherences, from their squared
+/// coherences in neighbouring frames: Gamma_1 = Gamma^share with share = ln gamma_1^2 / (ln gamma_1^2 + ln gamma_2^2).
+#[must_use]
+pub fn share_of_layers(neighbours: [f64; 2]) -> f64 {
+    // Beyond, chance and rounding decide.
+    let [first, second] = neighbours.map(|square| -libm::log(square.clamp(1e-3, 1.0 - 1e-4)));
+    first / (first + second)
+}
+
 /// Covariance of the phases of the difference of two layers, linked with the precision Q of Gamma from the products of
 /// their mean cross-spectra in sub-windows of l looks: A^-1 B A^-1 with A = Laplacian of 2 Q o Gamma and
 ///

@@ -8,12 +8,9 @@
 use super::region::{Region, WindowedPair};
 use crate::looks::Block;
 use crate::method::Plan;
-use phasewalk_core::bound::{layered_sandwich, reported_variance};
+use phasewalk_core::bound::{layered_sandwich, reported_variance, share_of_layers};
 use phasewalk_core::model::debias_blocks;
 use phasewalk_core::square::Square;
-
-/// Range of the squared coherence of a layer in neighbouring frames: beyond, chance and rounding decide.
-const SQUARES: [f64; 2] = [1e-3, 1.0 - 1e-4];
 
 /// Of both layers: sums of |C_w|^2 and of P_w(t) P_w(t + 1) over sub-windows and neighbouring frames.
 #[derive(Clone, Copy, Debug, Default)]
@@ -32,14 +29,10 @@ impl Neighbours {
         }
     }
 
-    /// Exponent a of Gamma_1 = Gamma^a: ln gamma_1^2 / (ln gamma_1^2 + ln gamma_2^2) of neighbouring frames.
+    /// Share of the first layer in the decay of the product.
     fn share(&self, window: Block) -> f64 {
-        let decay = |layer: usize| {
-            let mean = self.squares[layer] / self.powers[layer].max(f64::MIN_POSITIVE);
-            let [least, most] = SQUARES;
-            -debias_blocks(mean, window.looks).clamp(least, most).ln()
-        };
-        decay(0) / (decay(0) + decay(1))
+        let mean = |layer: usize| self.squares[layer] / self.powers[layer].max(f64::MIN_POSITIVE);
+        share_of_layers([0, 1].map(|layer| debias_blocks(mean(layer), window.looks)))
     }
 
     /// Standard deviations of phases linked with `gamma`, N x N; those that are infinite in `sigmas` stay so.
