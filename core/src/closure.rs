@@ -4,7 +4,7 @@
 //! phase of a frame is the same whichever partner tells it, and around any triangle of frames the phases sum to 0.
 //! Where populations of scatterers move differently this fails: pairs that are still coherent tell another phase
 //! than those that hardly are. With r_ij = conj(z_i) gamma_ij z_j of the linked phases (De Zan, Zonno & Lopez-Dekker,
-//! IEEE TGRS 53, 2015, for closure phases; Guarnieri & Tebaldini, IEEE TSP 56, 2008, for the likelihood):
+//! IEEE TGRS 53, 2015, for closure phases; Guarnieri & Tebaldini, IEEE TGRS 46, 2008, for the likelihood):
 //!
 //! ```text
 //! Y_ij = Im r_ij             mean 0, cov(Y_ij, Y_kl) = (Gamma_ik Gamma_jl - Gamma_il Gamma_jk) / (2 L)
@@ -189,22 +189,6 @@ impl<'a, T: Real> Contrasts<'a, T> {
         false
     }
 
-    /// b_k and h_k.
-    fn course(&self, k: usize) -> (&[T], &[T]) {
-        let n = self.gamma.order();
-        let both = self.courses.get(2 * k * n..2 * (k + 1) * n).unwrap_or(&[]);
-        both.split_at(n.min(both.len()))
-    }
-
-    /// E_k,ij.
-    fn tangent(&self, (b, h): (&[T], &[T]), i: usize, j: usize) -> T {
-        let step = |x: &[T]| match (x.get(i), x.get(j)) {
-            (Some(&own), Some(&other)) => own - other,
-            _ => T::zero(),
-        };
-        self.slope.at(i, j) * step(b) - self.gamma.at(i, j) * step(h)
-    }
-
     /// W_k = Q E_k Q.
     #[must_use]
     pub fn weights(&mut self, k: usize) -> &Square<'a, T> {
@@ -215,11 +199,12 @@ impl<'a, T: Real> Contrasts<'a, T> {
 
     /// W_k into the first scratch.
     fn fill_weights(&mut self, k: usize) {
-        for i in 0..self.gamma.order() {
-            for j in 0..self.gamma.order() {
-                let value = self.tangent(self.course(k), j, i);
-                let [transposed, _] = &mut self.scratch;
-                transposed.set(i, j, value);
+        let Self { gamma, slope, scratch: [transposed, _], courses, .. } = self;
+        let course = course_of(courses, k, gamma.order());
+        for i in 0..gamma.order() {
+            let row = transposed.row_mut(i).iter_mut();
+            for (place, e) in row.zip(tangent(slope.row(i), gamma.row(i), course, i)) {
+                *place = -e;
             }
         }
         let Self { precision, scratch: [a, b], .. } = self;
@@ -229,11 +214,13 @@ impl<'a, T: Real> Contrasts<'a, T> {
 
     /// Sum of E_k o M, M in the first scratch.
     fn contrast(&self, k: usize) -> T {
-        let (course, [m, _]) = (self.course(k), &self.scratch);
+        let Self { gamma, slope, scratch: [m, _], courses, .. } = self;
+        let course = course_of(courses, k, gamma.order());
         let mut sum = T::zero();
         for i in 0..m.order() {
-            for (j, &x) in m.row(i).iter().enumerate() {
-                sum = self.tangent(course, i, j).mul_add(x, sum);
+            let row = tangent(slope.row(i), gamma.row(i), course, i);
+            for (e, &x) in row.zip(m.row(i)) {
+                sum = e.mul_add(x, sum);
             }
         }
         sum
@@ -287,6 +274,25 @@ impl<'a, T: Real> Contrasts<'a, T> {
         let p = tail(slow / scale.max(LEAST_NOISE), self.modes, rest);
         Closure { misfit: noise(total, freedom), p: if scale.is_nan() { f64::NAN } else { p } }
     }
+}
+
+/// b_k and h_k.
+fn course_of<T>(courses: &[T], k: usize, n: usize) -> (&[T], &[T]) {
+    let both = courses.get(2 * k * n..2 * (k + 1) * n).unwrap_or(&[]);
+    both.split_at(n.min(both.len()))
+}
+
+/// Row i of E_k from those of D and Gamma.
+fn tangent<'a, T: Real>(
+    slope: &'a [T],
+    gamma: &'a [T],
+    (b, h): (&'a [T], &'a [T]),
+    i: usize,
+) -> impl Iterator<Item = T> + 'a {
+    let own = |x: &[T]| x.get(i).copied().unwrap_or(T::zero());
+    let (b_i, h_i) = (own(b), own(h));
+    let pairs = slope.iter().zip(gamma).zip(b.iter().zip(h));
+    pairs.map(move |((&d, &g), (&b_j, &h_j))| d * (b_i - b_j) - g * (h_i - h_j))
 }
 
 /// Probability that the sum of squares of `modes` (an even number) standard normal numbers, over a noise that is
