@@ -26,7 +26,8 @@
 //!   | lags, model      Gamma: coherence (decays), quality (frames), periodic
 //!   | linking          walk, Fisher scoring, no unwrapping of pairs
 //!   | chain            the curve unwrapped in time, across gaps
-//!   v bound            Cramer-Rao bound, sandwich, what is reported
+//!   | bound            Cramer-Rao bound, sandwich, what is reported
+//!   v closure          goodness of fit, from the closure phases
 //! phi(t)               frame by frame in fixed memory: tracker
 //! ```
 //! [`batch`] runs the second half for all pairs of a series at once, [`walk`] the whole chain frame
@@ -54,6 +55,7 @@ pub mod baseline;
 pub mod batch;
 pub mod bound;
 pub mod chain;
+pub mod closure;
 pub mod coherence;
 pub mod cross_spectrum;
 pub mod ensemble;

@@ -19,6 +19,7 @@
 
 use crate::bound::{information, invert_laplacian, reported_variance, sandwich, scale};
 use crate::chain::unwrap_chain;
+use crate::closure::{Closure, Contrasts, Room};
 use crate::coherence::{Lag, Mixture};
 use crate::model::{self, Model, take};
 use crate::prior::{acceleration_prior, add_prior, pull_of};
@@ -43,7 +44,7 @@ const PRIOR_STEPS: usize = 3;
 
 /// Information, 1/rad^2, about one phase when all others are known, below which it is as good as random
 /// (variance pi^2/3).
-const RANDOM: f64 = 3.0 / (core::f64::consts::PI * core::f64::consts::PI);
+pub(crate) const RANDOM: f64 = 3.0 / (core::f64::consts::PI * core::f64::consts::PI);
 
 /// Is the phase of frame i worth reporting? Its quality must be above 0.3, and what the other frames tell of
 /// it more than a random phase.
@@ -125,7 +126,8 @@ impl<T> Buffers<'_, T> {
     /// How many numbers `frames` frames need.
     #[must_use]
     pub const fn reals(frames: usize) -> usize {
-        model::Buffers::<T>::reals(frames) + 6 * frames * frames + 2 * frames
+        let own = 6 * frames * frames + 2 * frames;
+        model::Buffers::<T>::reals(frames) + own + Room::<T>::reals(frames)
     }
 }
 
@@ -152,6 +154,8 @@ pub struct Summary<T> {
     pub periodic: bool,
     /// Rms misfit of the mean coherences to `mixture`.
     pub misfit: T,
+    /// Does the model hold?
+    pub closure: Closure,
 }
 
 /// Phases of a series from all its pairs.
@@ -181,6 +185,7 @@ pub fn link_series<T: Real>(
         scratch: [square(), square(), square()],
         score: take(&mut reals, n),
         usable: take(&mut reals, n),
+        contrasts: reals,
         phasors: buffers.phasors,
         gamma: cross,
     };
@@ -199,7 +204,12 @@ pub fn link_series<T: Real>(
         *place = s;
     }
     Square::new(results.gamma, n).copy_from(&model.gamma);
-    Summary { mixture: model.mixture, periodic: model.is_periodic(), misfit: model.misfit }
+    Summary {
+        mixture: model.mixture,
+        periodic: model.is_periodic(),
+        misfit: model.misfit,
+        closure: link.close(&model),
+    }
 }
 
 /// gamma_ij = C_ij / sqrt(C_ii C_jj).
@@ -239,6 +249,8 @@ struct Work<'a, T> {
     scratch: [Square<'a, T>; 3],
     score: &'a mut [T],
     usable: &'a mut [T],
+    /// For [`Contrasts`].
+    contrasts: &'a mut [T],
     /// z.
     phasors: &'a mut [Complex<T>],
     gamma: &'a [Complex<T>],
@@ -403,5 +415,21 @@ impl<T: Real> Link<'_, '_, T> {
             let other = reported_variance(honest, usable, references, frame);
             *sigma = (if with_prior { variance } else { variance.max(other) }).sqrt();
         }
+    }
+
+    /// How well the phases of the usable frames close.
+    fn close(self, model: &Model<'_, T>) -> Closure {
+        let Work { aligned, precision, inverse, scratch: [a, b, c], .. } = self.work;
+        let Work { usable, contrasts: reals, phasors, gamma, .. } = self.work;
+        let room = Room { squares: [precision, inverse, a, b, c], reals };
+        let contrasts = Contrasts::new(&model.gamma, usable, self.settings.looks, room);
+        let n = aligned.order();
+        let zero = Complex { re: T::zero(), im: T::zero() };
+        let z = |i: usize| phasors.get(i).copied().unwrap_or(zero);
+        let gamma = |i: usize, j: usize| gamma.get(i * n + j).copied().unwrap_or(zero);
+        contrasts.test(
+            |i, j| residual(z(i), gamma(i, j), z(j)),
+            |i, j| self::aligned(z(i), gamma(i, j), z(j)),
+        )
     }
 }

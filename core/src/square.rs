@@ -85,7 +85,7 @@ impl<'a, T: Real> Square<'a, T> {
         }
     }
 
-    /// self = a * b, where b is symmetric.
+    /// self = a b^T, which is a b where b is symmetric.
     pub fn product(&mut self, a: &Square<'_, T>, b: &Square<'_, T>) {
         for i in 0..self.n {
             let row = a.row(i);

@@ -1,11 +1,11 @@
 //! Agreement of `linking::link_series` with an independent estimator in numpy, on the same cross-spectra
 //! (`data/linking`, made by `make.py` there).
 
+mod series;
+
 use num_complex::Complex;
 use phasewalk_core::Real;
-use phasewalk_core::coherence::Lag;
-use phasewalk_core::lags::Lags;
-use phasewalk_core::linking::{Buffers, Results, Settings, link_series};
+use series::link;
 use std::path::Path;
 
 const N: usize = 70;
@@ -44,29 +44,7 @@ fn case(name: &str) -> Case {
 
 /// Phases, standard deviations and qualities of ours, against the first frame.
 fn ours<T: Real>(case: &Case, looks: f64) -> [Vec<f64>; 3] {
-    let zero = T::zero();
-    let mut cross: Vec<Complex<T>> = case
-        .cross
-        .iter()
-        .map(|c| Complex { re: T::from_f64(c.re), im: T::from_f64(c.im) })
-        .collect();
-    let mut reals = vec![zero; Buffers::<T>::reals(N)];
-    let mut phasors = vec![Complex { re: zero, im: zero }; N];
-    let mut lags = vec![Lag { tau: zero, mean: zero, pairs: zero }; N * N];
-    let mut indices = vec![0; Lags::indices(N)];
-    let buffers = Buffers {
-        reals: &mut reals,
-        phasors: &mut phasors,
-        lags: &mut lags,
-        indices: &mut indices,
-    };
-    let mut found = [const { Vec::new() }; 3].map(|_: Vec<T>| vec![zero; N]);
-    let mut gamma = vec![zero; N * N];
-    let [phases, sigmas, quality] = &mut found;
-    let results = Results { phases, sigmas, quality, gamma: &mut gamma };
-    let settings = Settings { looks, reference_frames: 1, acceleration: None };
-    link_series(&mut cross, &case.times, &settings, buffers, results);
-    found.map(|numbers| numbers.into_iter().map(T::to_f64).collect())
+    link::<T>(&case.cross, &case.times, looks).0
 }
 
 fn agrees<T: Real>(name: &str, looks: f64, phase_error: f64, sigma_error: f64) {

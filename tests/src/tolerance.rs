@@ -27,6 +27,7 @@ tolerances! {
         subtracts covariances of similar size and loses up to ten digits of sixteen.";
     SIGMA_IMAGE_RELATIVE = 5e-3, "relative: standard deviations in f32, where 1 - |gamma|^2 loses the \
         digits that the coherence has in common with 1.";
+    CLOSURE_P = 2e-3, "probability: sums of 2e3 residuals in f32, which phases in f32 turn by 1e-4 rad.";
     LINKED_SINGLE_RAD = 1e-3, "rad: linked phases in f32 against f64: one step of scoring multiplies the \
         residuals' rounding (1e-7) by at most the number of frames; equal to the promise.";
     TIE_RAD = 1e-3, "rad: two sums of the unwrapping that differ by less are a near-tie \

@@ -1,17 +1,18 @@
 //! Linked phases: images against the formulas written out, every lane path, what the program tells.
 
 use num_complex::{Complex, Complex32};
-use phasewalk::image::{Fit, ImageJob, Kernel, Tiles};
+use phasewalk::image::{Fit, ImageJob, Kernel, Tile, Tiles};
 use phasewalk::io::{Series, Shape};
 use phasewalk::lanes::Path;
 use phasewalk::looks::SpatialCoherence;
 use phasewalk::method::{Depths, Method, Plan};
 use phasewalk::progress::Progress;
 use phasewalk::series::{Survey, survey};
+use phasewalk_tests::oct::numbers;
 use phasewalk_tests::oracle::gaussian_mean;
 use phasewalk_tests::program::Bench;
 use phasewalk_tests::recording::Recording;
-use phasewalk_tests::tolerance::{LINKED_SINGLE_RAD, SINGLE_STORED_RAD, STANDARD_SCORE};
+use phasewalk_tests::tolerance::{CLOSURE_P, LINKED_SINGLE_RAD, SINGLE_STORED_RAD, STANDARD_SCORE};
 use std::f64::consts::TAU;
 use std::sync::Mutex;
 
@@ -43,14 +44,15 @@ impl Scene {
             looks_of_layers: 1.0,
             looks_of_recordings: 1.0,
             looks,
+            closure: true,
             path,
         };
         let tiles = fit.tiles(&Progress::hidden()).unwrap();
         Self { recording, plan, survey, tiles, looks }
     }
 
-    /// Phases and standard deviations, (time, y, x).
-    fn images(&self, path: Path, double: bool, threads: usize) -> [Vec<f32>; 2] {
+    /// Phases and standard deviations, (time, y, x), and p of the closure, (y, x).
+    fn images(&self, path: Path, double: bool, threads: usize) -> [Vec<f32>; 3] {
         let series = self.recording.held();
         let Shape { frames, height, width, .. } = series.shape();
         let job = ImageJob {
@@ -67,15 +69,14 @@ impl Scene {
             threads,
             memory: 1 << 30,
         };
-        let images = Mutex::new([(); 2].map(|()| vec![0.0; frames * height * width]));
+        let images = Mutex::new([frames, frames, 1].map(|n| vec![0.0; n * height * width]));
         job.run(&Progress::hidden(), &|strip| {
             let mut images = images.lock().unwrap();
-            let results = [strip.phases, strip.sigmas.unwrap()];
+            let results = [strip.phases, strip.sigmas.unwrap(), strip.closure.unwrap()];
             for (image, part) in images.iter_mut().zip(results) {
-                let size = part.len() / frames;
-                for (frame, rows) in part.chunks_exact(size).enumerate() {
+                for (frame, rows) in part.chunks_exact(strip.valid.len()).enumerate() {
                     let start = (frame * height + strip.first_row) * width;
-                    image[start..start + size].copy_from_slice(rows);
+                    image[start..start + rows.len()].copy_from_slice(rows);
                 }
             }
             Ok(())
@@ -105,8 +106,9 @@ fn largest_difference(a: &[f32], b: &[f32]) -> f64 {
     pairs.map(|(&a, &b)| wrapped(f64::from(a) - f64::from(b)).abs()).fold(0.0, f64::max)
 }
 
-/// Start, score and one step of one pixel, from sums written out in `f64`.
-fn by_hand(gamma: impl Fn(usize, usize) -> Complex<f64>, q: &[f32], inverse: &[f32]) -> Vec<f64> {
+/// Start, score and one step of one pixel, and p of its closure, from sums written out in `f64`.
+fn by_hand(gamma: impl Fn(usize, usize) -> Complex<f64>, tile: &Tile) -> (Vec<f64>, f64) {
+    let (q, inverse) = (&tile.precision, &tile.inverse);
     let n = q.len().isqrt();
     let mut z = vec![Complex::new(1.0, 0.0)];
     for i in 1..n {
@@ -115,21 +117,27 @@ fn by_hand(gamma: impl Fn(usize, usize) -> Complex<f64>, q: &[f32], inverse: &[f
             (i.saturating_sub(16)..i).map(|j| gamma(i, j) * z[j] * weight(j)).sum();
         z.push(sum / sum.norm());
     }
+    let residual = |i: usize, j: usize| (z[i].conj() * gamma(i, j) * z[j]).im;
     let score = |i: usize| -> f64 {
-        let residual = |j: usize| (z[i].conj() * gamma(i, j) * z[j]).im;
-        -(0..n).filter(|&j| j != i).map(|j| f64::from(q[i * n + j]) * residual(j)).sum::<f64>()
+        -(0..n).filter(|&j| j != i).map(|j| f64::from(q[i * n + j]) * residual(i, j)).sum::<f64>()
     };
     let g: Vec<f64> = (0..n).map(score).collect();
     let step = |i: usize| (0..n).map(|j| f64::from(inverse[i * n + j]) * g[j]).sum::<f64>();
     let phases: Vec<f64> = (0..n).map(|i| z[i].arg() + step(i)).collect();
     let mean = phases[0] + (1..5).map(|i| wrapped(phases[i] - phases[0])).sum::<f64>() / 5.0;
-    phases.iter().map(|phase| phase - mean).collect()
+    let contrast = |k: usize| -> f64 {
+        let pairs = (0..n).flat_map(|i| (0..i).map(move |j| (i, j)));
+        pairs.map(|(i, j)| f64::from(tile.contrasts[i * n + j][k]) * residual(i, j)).sum()
+    };
+    let q: f64 = (0..2).map(|k| contrast(k).powi(2)).sum();
+    // The tail of chi^2 with two degrees of freedom.
+    (phases.iter().map(|phase| phase - mean).collect(), (-q / 2.0).exp())
 }
 
 #[test]
 fn images_are_the_formulas_written_out() {
     let scene = Scene::new(moving(1), Depths::single(), Path::Portable);
-    let [phases, _] = scene.images(Path::Portable, true, 1);
+    let [phases, _, closure] = scene.images(Path::Portable, true, 1);
     let pixels = scene.recording.pixels();
     let means = gaussian_mean(&scene.recording.layer(0), SIGMA_PX);
     let width = scene.recording.shape.width;
@@ -141,7 +149,10 @@ fn images_are_the_formulas_written_out() {
             c / (pairs.power[i] * pairs.power[j]).sqrt()
         };
         let tile = scene.tiles.at(pixel / width, pixel % width);
-        let expected = by_hand(gamma, &tile.precision, &tile.inverse);
+        assert_eq!(tile.modes, 2);
+        let (expected, p) = by_hand(gamma, tile);
+        let error = (f64::from(closure[pixel]) - p).abs();
+        assert!(error < CLOSURE_P, "pixel {pixel}: {} for {p}", closure[pixel]);
         for (frame, expected) in expected.iter().enumerate() {
             let got = f64::from(phases[frame * pixels + pixel]);
             let error = wrapped(got - expected).abs();
@@ -160,14 +171,16 @@ fn paths_and_threads_agree() {
         let recording = Recording::moving(shape, 0.93, seed);
         let depths: Depths = depths.parse().unwrap();
         let scene = Scene::new(recording, depths, Path::Portable);
-        let [exact, sigmas] = scene.images(Path::Portable, true, 1);
+        let [exact, sigmas, closure] = scene.images(Path::Portable, true, 1);
         assert!(sigmas.iter().all(|&sigma| sigma > 0.0 && sigma < 1.0));
         for path in Path::available() {
-            let [single, same] = scene.images(path, false, 1);
+            let [single, same, p] = scene.images(path, false, 1);
             assert_eq!(same, sigmas, "{path:?}");
             let error = largest_difference(&single, &exact);
             assert!(error < LINKED_SINGLE_RAD, "{path:?}: {error:e}");
-            assert_eq!(scene.images(path, false, 3)[0], single, "{path:?}, three threads");
+            let error = p.iter().zip(&closure).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            assert!(f64::from(error) < CLOSURE_P, "{path:?}: p differs by {error:e}");
+            assert_eq!(scene.images(path, false, 3), [single, same, p], "{path:?}, three threads");
         }
     }
 }
@@ -192,6 +205,91 @@ fn each_tile_has_its_own_coherence() {
                 assert!((got - expected).abs() < 0.05, "{path:?} x {x} lag {lag}: {got}");
             }
         }
+    }
+}
+
+/// Speckle of one motion, and on the right a static reflection of the same brightness under it.
+fn half_reflecting(seed: u64) -> Recording {
+    let shape = Shape { frames: 40, depth: 1, height: 96, width: 192 };
+    let mut recording = Recording::decorrelating(shape, 0.93, seed, |t, _| 0.1 * t as f64);
+    let still = Recording::decorrelating(shape, 1.0, seed + 1, |_, _| 0.0);
+    for (i, (u, v)) in recording.field.iter_mut().zip(&still.field).enumerate() {
+        if i % shape.width >= shape.width / 2 {
+            *u += v;
+        }
+    }
+    recording
+}
+
+/// p of the pixels' closure is uniform where one motion explains the data, and small where a reflection lies under it:
+/// in the array, in words, as JSON.
+#[test]
+fn pixels_of_two_motions_are_told() {
+    let scene = Scene::new(half_reflecting(21), Depths::single(), Path::Portable);
+    let [_, _, closure] = scene.images(Path::Portable, false, 2);
+    let share = |left: bool, below: f32| {
+        // A tile's width away from the middle, and from the periodic edge.
+        let columns = if left { 24..72 } else { 120..168 };
+        let pixels = closure.iter().enumerate();
+        let inside = pixels.filter(|&(i, _)| columns.contains(&(i % 192)));
+        let all: Vec<bool> = inside.map(|(_, &p)| p < below).collect();
+        all.iter().filter(|&&below| below).count() as f64 / all.len() as f64
+    };
+    let chance = [share(true, 0.5), share(true, 0.1), share(true, 1e-3)];
+    println!("one motion: {chance:?}, two: p < 0.001 in {}", share(false, 1e-3));
+    // 4600 pixels of 78 looks hold about 60 independent averages: 0.065 and 0.04 are one standard deviation.
+    assert!((chance[0] - 0.5).abs() < 0.2 && (chance[1] - 0.1).abs() < 0.1 && chance[2] < 0.02);
+    assert!(share(false, 1e-3) > 0.9);
+}
+
+#[test]
+fn the_program_tells_whether_one_motion_explains_the_data() {
+    let bench = Bench::new();
+    half_reflecting(21).save(&bench.path("F.npy"));
+    for (name, columns) in [("L.npy", 8..80), ("R.npy", 112..184)] {
+        let inside: Vec<bool> = (0..96 * 192).map(|i| columns.contains(&(i % 192))).collect();
+        phasewalk_tests::npy::save_mask(&bench.path(name), &[96, 192], &inside);
+    }
+    let line = "phase F.npy --mask R.npy --control L.npy -o C.zarr";
+    let summary = bench.summary(line);
+    let number = |key: &str| summary[key].as_f64().unwrap();
+    assert!(number("closure_p") < 1e-6 && number("control_closure_p") > 1e-3, "{summary}");
+    // One scatters by sqrt(2 / 741) = 0.05, and the looks are estimated.
+    assert!((number("control_closure_misfit") - 1.0).abs() < 0.2, "{summary}");
+    let told = bench.succeed(line).stdout;
+    assert!(told.contains("warning: no single motion explains the mask"), "{told}");
+    assert!(
+        told.contains("closure phases of the control: ") && told.contains(", p = 0."),
+        "{told}"
+    );
+    assert!(!told.contains("explains the control"), "{told}");
+
+    let summary = bench.summary("phase F.npy --gaussian 2.5 -o P.zarr");
+    assert!((summary["closure"]["share"].as_f64().unwrap() - 0.5).abs() < 0.1, "{summary}");
+    let array = |name: &str| numbers(&bench.path("P.zarr").join(name));
+    let (shape, p) = array("closure_p");
+    assert_eq!(shape, [96, 192]);
+    assert!(p[192 * 48 + 48] > 1e-3 && p[192 * 48 + 144] < 1e-3);
+    let (shape, quality) = array("quality");
+    let (rows, columns) = (array("tile_y").1, array("tile_x").1);
+    assert_eq!(shape, [40, rows.len() as u64, columns.len() as u64]);
+    assert!(rows[0] == 0.0 && columns.len() > 1 && quality.iter().all(|&s| s > 0.7));
+    let told = bench.succeed("info P.zarr").stdout;
+    let tiles = format!("(time 40, tile_y {}, tile_x {})", rows.len(), columns.len());
+    for text in ["closure_p: float32 (y 96, x 192)", &format!("quality: float32 {tiles}")] {
+        assert!(told.contains(text), "{text}: {told}");
+    }
+    assert!(bench.summary("phase F.npy --gaussian 2.5 -o P.npy").get("closure").is_none());
+
+    let shape = Shape { frames: 12, depth: 2, height: 96, width: 192 };
+    Recording::moving(shape, 0.93, 22).save(&bench.path("Z.npy"));
+    for (layers, told) in [("0..0", true), ("0..0,1..1", false)] {
+        let curve = bench.summary(&format!("phase Z.npy --mask R.npy --layers {layers} -o Z.csv"));
+        assert_eq!(curve["closure_p"].is_f64(), told, "{layers}: {curve}");
+        let line = format!("phase Z.npy --gaussian 2.5 --layers {layers} -o Z.zarr");
+        assert_eq!(bench.summary(&line)["closure"].is_object(), told, "{layers}");
+        assert!(bench.path("Z.zarr/quality").is_dir());
+        std::fs::remove_dir_all(bench.path("Z.zarr")).unwrap();
     }
 }
 
@@ -330,6 +428,13 @@ fn a_curve_tells_bad_frames_and_its_error() {
     assert!(bench.path("C.zarr/quality").is_dir() && bench.path("C.zarr/coherence").is_dir());
     let _ = bench.succeed("phase F.npy --mask M.npy -o C.npy");
     assert!(bench.path("C.quality.npy").is_file());
+    let _ = bench.succeed("phase F.npy --gaussian 3 -o P.zarr");
+    let (shape, quality) = numbers(&bench.path("P.zarr/quality"));
+    let tiles = quality.len() / 24;
+    assert_eq!(shape[0], 24);
+    for (frame, tiles) in quality.chunks_exact(tiles).enumerate() {
+        assert!(tiles.iter().all(|&s| if frame == BAD { s < 0.3 } else { s > 0.7 }), "{frame}");
+    }
     let _ = bench.succeed("phase F.npy --gaussian 3 -o P.npy");
     let (shape, sigmas) = phasewalk_tests::npy::load_f32(&bench.path("P.sigma.npy"));
     assert_eq!(shape, [24, 40, 40]);

@@ -8,6 +8,7 @@ use crate::io::CurveRow;
 use crate::method::Plan;
 use crate::progress::Progress;
 use num_complex::Complex64;
+use phasewalk_core::closure::Closure;
 use phasewalk_core::coherence::{Lag, Mixture};
 use phasewalk_core::lags::Lags;
 use phasewalk_core::linking::{Buffers, Results, Settings, link_series};
@@ -34,6 +35,8 @@ pub struct Linked {
     pub periodic: bool,
     /// Rms misfit of the mean coherences to `mixture`.
     pub misfit: f64,
+    /// Does the model hold? None for two layers, whose product has another noise than the test expects.
+    pub closure: Option<Closure>,
 }
 
 /// Link all frames of the region; `looks` are the independent ones behind its averages.
@@ -118,5 +121,6 @@ pub(crate) fn link(cross: &mut [Complex64], plan: &Plan, looks: f64) -> Result<L
         mixture: summary.mixture,
         periodic: summary.periodic,
         misfit: summary.misfit,
+        closure: (!plan.depths.has_two_layers()).then_some(summary.closure),
     })
 }

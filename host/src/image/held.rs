@@ -92,6 +92,7 @@ impl Imaging<'_> {
             looks_of_layers: 1.0,
             looks_of_recordings: 1.0,
             looks,
+            closure: false,
             path,
         };
         let tiles = (plan.method == Method::Linked)
@@ -126,7 +127,7 @@ mod tests {
     fn chosen_frames_are_kept_row_by_row() {
         let held = HeldImages::new(vec![2, 0], 3, 2);
         let strip = |first_row, phases: &[f32], valid: &[bool]| {
-            held.keep(&StripResult { first_row, phases, sigmas: None, valid })
+            held.keep(&StripResult { first_row, phases, sigmas: None, closure: None, valid })
         };
         let ramp: Vec<f32> = (0..12).map(|n| n as f32).collect();
         strip(0, &ramp, &[true; 4]).unwrap();

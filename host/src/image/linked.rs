@@ -1,11 +1,12 @@
 //! One thread's way through the strips with linked phases: frame by frame the pairs with all earlier frames are
 //! filtered, the frame's phasor is walked from the nearest ones, and the residuals of all enter the score; one step of scoring
-//! at the end. No pair is kept beyond its frame.
+//! at the end. No pair is kept beyond its frame. Where the closure is tested, the residuals enter its contrasts
+//! (`phasewalk_core::closure`) on the way: they see no change of the phases, so the last step does not matter to them.
 
 use super::filter::{Pair, Passes};
 use super::kernel::Kernel;
 use super::strip::{self, Layout, Source};
-use super::tiles::{Tile, Tiles};
+use super::tiles::{MODES, Tile, Tiles};
 use super::worker::{STRIPS, blank_unusable, unload};
 use super::{Run, StripResult};
 use crate::allocate::filled;
@@ -16,6 +17,7 @@ use crate::planes::Layers;
 use crate::series::Survey;
 use num_complex::{Complex, Complex32};
 use phasewalk_core::chain::unwrap_chain;
+use phasewalk_core::closure::{KNOWN, tail};
 use phasewalk_core::layers::layer_difference;
 use phasewalk_core::linking::{START_FRAMES, residual, start_phasor, turn};
 use phasewalk_core::reference::subtract_reference;
@@ -63,17 +65,19 @@ pub fn bytes<L: Lanes>(job: &super::ImageJob<'_>, kernel: &Kernel, rows: usize) 
     let (frames, depths) = (frames as u64, job.plan.depths.all().len() as u64);
     let fields = frames * depths * tall * 2 * vector;
     let sums = places * frames * (2 + 2 + 1 + 1) * vector + 6 * middle * vector;
-    let models = 2 * frames * frames * vector;
-    let results = frames * (rows * width * 8) as u64;
+    let modes = if job.tiles.is_some_and(Tiles::test_closure) { MODES as u64 } else { 0 };
+    let models = (2 + modes) * frames * frames * vector;
+    let contrasts = modes * places * vector;
+    let results = (2 * frames + modes.min(1)) * (rows * width * 4) as u64;
     let passes = 2 * Passes::<L>::bytes(&layout, rows + middle as usize / layout.blocks) as u64;
-    Ok(fields + sums + models + results + passes)
+    Ok(fields + sums + models + contrasts + results + passes)
 }
 
 /// One thread: strips until there are none left.
 #[inline(always)]
 pub(super) fn work<L: Lanes>(run: &Run<'_>, tiles: &Tiles, next: &AtomicUsize) -> Result<()> {
     let height = run.job.series.shape().height;
-    let mut worker = Worker::<L>::new(run)?;
+    let mut worker = Worker::<L>::new(run, tiles.test_closure())?;
     loop {
         let first_row = next.fetch_add(1, Ordering::Relaxed).saturating_mul(run.rows);
         if first_row >= height {
@@ -111,13 +115,18 @@ struct Worker<L> {
     /// Q and (F + 1 1^T / N)^-1 of each lane's tile, (frame, frame).
     precision: Vec<L>,
     inverse: Vec<L>,
+    /// 2 W_k of each lane's tile, (frame, frame), and x_k, (row, vector); empty where the closure is not tested.
+    weights: Vec<[L; MODES]>,
+    contrasts: Vec<[L; MODES]>,
+    /// q, then p, (row, x).
+    closure: Vec<f32>,
     /// (time, row, x).
     phases: Vec<f32>,
     sigmas: Vec<f32>,
 }
 
 impl<L: Lanes> Worker<L> {
-    fn new(run: &Run<'_>) -> Result<Self> {
+    fn new(run: &Run<'_>, closure: bool) -> Result<Self> {
         let job = run.job;
         let Shape { frames, width, .. } = job.series.shape();
         let stages = Stages::new(job, run.kernel)?;
@@ -129,6 +138,8 @@ impl<L: Lanes> Worker<L> {
         let tall = (run.rows + 2 * stages.halo()) * layout.blocks;
         let zero = Complex { re: L::zero(), im: L::zero() };
         let numbers = |count: usize| filled(L::zero(), count, STRIPS);
+        let modes =
+            |count: usize| filled([L::zero(); MODES], if closure { count } else { 0 }, STRIPS);
         Ok(Self {
             buffer: Vec::new(),
             fields: filled(zero, frames * depths.len() * tall, STRIPS)?,
@@ -139,6 +150,9 @@ impl<L: Lanes> Worker<L> {
             score: numbers(frames * places)?,
             precision: numbers(frames * frames)?,
             inverse: numbers(frames * frames)?,
+            weights: modes(frames * frames)?,
+            contrasts: modes(places)?,
+            closure: vec![0.0; if closure { run.rows * width } else { 0 }],
             phases: vec![0.0; frames * run.rows * width],
             sigmas: vec![0.0; if job.sigma { frames * run.rows * width } else { 0 }],
             recordings: job.plan.depths.layers(),
@@ -169,8 +183,11 @@ impl<L: Lanes> Worker<L> {
     fn expand_models(&mut self, tiles: &Tiles, rows: &Range<usize>) {
         for lane in 0..L::WIDTH {
             let tile = self.tile(tiles, rows, lane);
-            let parts =
-                [(&mut self.precision, &tile.precision), (&mut self.inverse, &tile.inverse)];
+            let parts = [
+                (&mut self.precision[..], &tile.precision[..]),
+                (&mut self.inverse, &tile.inverse),
+                (self.weights.as_flattened_mut(), tile.contrasts.as_flattened()),
+            ];
             for (lanes, numbers) in parts {
                 let own = L::flat_mut(lanes).iter_mut().skip(lane).step_by(L::WIDTH);
                 for (place, &number) in own.zip(numbers) {
@@ -184,13 +201,14 @@ impl<L: Lanes> Worker<L> {
     fn link(&mut self, run: &Run<'_>, rows: usize) -> Result<()> {
         let frames = run.job.plan.frames();
         self.score.fill(L::zero());
+        self.contrasts.fill([L::zero(); MODES]);
         for i in 0..frames {
             self.filter_power(rows, i);
             for j in 0..i {
                 self.filter_pair(rows, i, j);
             }
             self.walk(rows, i);
-            self.add_residuals(rows, i);
+            self.add_frame(rows, i);
             run.progress.advance(1)?;
         }
         self.finish(run, rows);
@@ -252,19 +270,44 @@ impl<L: Lanes> Worker<L> {
         }
     }
 
-    /// Residuals of all pairs (i, j < i) into the scores of both.
+    /// The frame's residuals, with contrasts or without.
     #[inline(always)]
-    fn add_residuals(&mut self, rows: usize, i: usize) {
+    fn add_frame(&mut self, rows: usize, i: usize) {
+        if self.contrasts.is_empty() {
+            let n = self.frames();
+            let places = rows * self.layout.blocks;
+            return self.add_residuals::<0>(rows, i, &vec![[]; n * n], &mut vec![[]; places]);
+        }
+        let weights = std::mem::take(&mut self.weights);
+        let mut contrasts = std::mem::take(&mut self.contrasts);
+        self.add_residuals(rows, i, &weights, &mut contrasts);
+        (self.weights, self.contrasts) = (weights, contrasts);
+    }
+
+    /// Residuals of all pairs (i, j < i) into the scores of both and into the contrasts, M of each place.
+    #[inline(always)]
+    fn add_residuals<const M: usize>(
+        &mut self,
+        rows: usize,
+        i: usize,
+        weights: &[[L; M]],
+        contrasts: &mut [[L; M]],
+    ) {
         let places = rows * self.layout.blocks;
         let n = self.frames();
         let own = &self.phasors[i * places..][..places];
         let (earlier, rest) = self.score.split_at_mut(i * places);
         for j in 0..i {
-            let q = self.precision[i * n + j];
+            let (q, weights) = (self.precision[i * n + j], weights[i * n + j]);
             let pairs = self.gamma[j * places..].iter().zip(&self.phasors[j * places..]);
             let scores = rest.iter_mut().zip(&mut earlier[j * places..]);
-            for ((score_i, score_j), ((&gamma, &z_j), &z_i)) in scores.zip(pairs.zip(own)) {
-                let pull = q * residual(z_i, gamma, z_j);
+            let all = scores.zip(pairs.zip(own)).zip(contrasts.iter_mut());
+            for (((score_i, score_j), ((&gamma, &z_j), &z_i)), contrasts) in all {
+                let residual = residual(z_i, gamma, z_j);
+                for (x, w) in contrasts.iter_mut().zip(weights) {
+                    *x = w.mul_add(residual, *x);
+                }
+                let pull = q * residual;
                 *score_i = *score_i - pull;
                 *score_j += pull;
             }
@@ -297,6 +340,10 @@ impl<L: Lanes> Worker<L> {
             }
             let (row, vector) = (place / blocks, place % blocks);
             unload(&self.layout, &phases, row, vector, rows, &mut self.phases);
+            if let Some(contrasts) = self.contrasts.get(place) {
+                let q = contrasts.iter().fold(L::zero(), |q, &x| x.mul_add(x, q));
+                unload(&self.layout, &[q], row, vector, rows, &mut self.closure);
+            }
         }
     }
 
@@ -317,6 +364,9 @@ impl<L: Lanes> Worker<L> {
             let counted: Vec<f32> = tile.usable.iter().map(|&u| f32::from(u8::from(u))).collect();
             subtract_reference(&mut series, &counted, plan.params.reference_frames);
             unmeasured += usize::from(!tile.usable.contains(&true));
+            if let Some(p) = self.closure.get_mut(pixel) {
+                *p = tail(f64::from(*p), tile.modes, KNOWN) as f32;
+            }
             for (frame, &phase) in series.iter().enumerate() {
                 let known = tile.usable[frame];
                 self.phases[frame * pixels + pixel] = if known { phase } else { f32::NAN };
@@ -328,10 +378,12 @@ impl<L: Lanes> Worker<L> {
         let size = frames * pixels;
         blank_unusable(&mut self.phases, valid, frames);
         blank_unusable(&mut self.sigmas, valid, frames);
+        blank_unusable(&mut self.closure, valid, 1);
         run.unmeasured.fetch_add(unmeasured, Ordering::Relaxed);
         let sigmas = run.job.sigma.then(|| &self.sigmas[..size]);
         let phases = &self.phases[..size];
-        (run.each)(StripResult { first_row: rows.start, phases, sigmas, valid })
+        let closure = self.closure.get(..pixels);
+        (run.each)(StripResult { first_row: rows.start, phases, sigmas, closure, valid })
     }
 }
 

@@ -70,6 +70,8 @@ pub struct StripResult<'a> {
     pub phases: &'a [f32],
     /// The same for the standard deviation, where asked for.
     pub sigmas: Option<&'a [f32]>,
+    /// (rows, x): p of the closure, where the tiles prepare its test; NaN where the pixel has none.
+    pub closure: Option<&'a [f32]>,
     /// (rows, x).
     pub valid: &'a [bool],
 }

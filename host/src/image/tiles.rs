@@ -21,6 +21,7 @@ use crate::progress::Progress;
 use crate::series::Survey;
 use num_complex::{Complex, Complex32, Complex64};
 use phasewalk_core::bound::{information, invert_laplacian, reported_variance, sandwich};
+use phasewalk_core::closure::{Contrasts, Room};
 use phasewalk_core::coherence::{Lag, Mixture};
 use phasewalk_core::cross_spectrum::cross_spectrum;
 use phasewalk_core::lags::Lags;
@@ -39,6 +40,9 @@ const BLOCKS: usize = 6;
 /// Part of its pixels that a block must have.
 const FILLED: f64 = 0.5;
 
+/// Contrasts of the closure that a pixel sums: the slowest two. More would take time in every pair of every pixel.
+pub const MODES: usize = 2;
+
 /// What is called short when memory is.
 const TILES: &str = "the coherence of the image's tiles";
 
@@ -56,6 +60,10 @@ pub struct Tile {
     pub usable: Vec<bool>,
     /// h(tau).
     pub mixture: Mixture<f64>,
+    /// 2 W_k of each pair for the closure (`phasewalk_core::closure`), N x N; empty where it is not asked for.
+    pub contrasts: Vec<[f32; MODES]>,
+    /// How many of them there are.
+    pub modes: usize,
 }
 
 /// The image's tiles, row after row.
@@ -81,6 +89,8 @@ pub struct Fit<'a> {
     pub looks_of_recordings: f64,
     /// Looks of the Gaussian that the phases are averaged with.
     pub looks: f64,
+    /// Will the pixels' closure be tested?
+    pub closure: bool,
     /// Vector instructions.
     pub path: Path,
 }
@@ -156,6 +166,7 @@ impl Fit<'_> {
         let usable: Vec<bool> =
             (0..n).map(|i| is_usable(&model, &precision, self.looks, i)).collect();
         let counted: Vec<f64> = usable.iter().map(|&usable| f64::from(usable)).collect();
+        let (contrasts, modes) = self.contrasts(&model.gamma, &counted)?;
         let references = self.plan.params.reference_frames;
         let sigma = |frame: usize| {
             let bound = reported_variance(&inverse, &counted, references, frame) * 0.5 / self.looks;
@@ -173,7 +184,38 @@ impl Fit<'_> {
             quality: model.quality.to_vec(),
             usable,
             mixture: model.mixture,
+            contrasts,
+            modes,
         })
+    }
+
+    /// 2 W_k, as each pair is met once, and how many there are.
+    fn contrasts(
+        &self,
+        gamma: &Square<'_, f64>,
+        usable: &[f64],
+    ) -> Result<(Vec<[f32; MODES]>, usize)> {
+        if !self.closure {
+            return Ok((Vec::new(), 0));
+        }
+        let n = self.plan.frames();
+        let mut matrices = zeros(5 * n * n, TILES)?;
+        let mut rest = matrices.chunks_exact_mut(n * n);
+        let squares = [0; 5].map(|_| Square::new(rest.next().unwrap_or_default(), n));
+        let mut reals = zeros(Room::<f64>::reals(n), TILES)?;
+        let room = Room { squares, reals: &mut reals };
+        let mut contrasts = Contrasts::new(gamma, usable, self.looks, room);
+        let mut all = filled([0.0; MODES], n * n, TILES)?;
+        let modes = contrasts.modes().min(MODES);
+        for k in 0..modes {
+            let weights = contrasts.weights(k);
+            for (i, row) in all.chunks_exact_mut(n).enumerate() {
+                for (place, &w) in row.iter_mut().zip(weights.row(i)) {
+                    place[k] = 2.0 * w as f32;
+                }
+            }
+        }
+        Ok((all, modes))
     }
 }
 
@@ -191,7 +233,28 @@ impl Tiles {
     /// Bytes of all tiles.
     #[must_use]
     pub fn bytes(&self) -> u64 {
-        self.tiles.iter().map(|tile| 8 * tile.precision.len() as u64).sum()
+        let of = |tile: &Tile| 8 * tile.precision.len() + size_of_val(&tile.contrasts[..]);
+        self.tiles.iter().map(|tile| of(tile) as u64).sum()
+    }
+
+    /// Is the closure of the pixels tested?
+    #[must_use]
+    pub fn test_closure(&self) -> bool {
+        self.tiles.iter().any(|tile| !tile.contrasts.is_empty())
+    }
+
+    /// First pixel rows and first columns of the tiles.
+    #[must_use]
+    pub fn origins(&self) -> [&[usize]; 2] {
+        self.edges.each_ref().map(|edges| edges.split_last().map_or(&[][..], |(_, first)| first))
+    }
+
+    /// s_i of every tile, (time, row of tiles, column of tiles).
+    #[must_use]
+    pub fn quality(&self) -> Vec<f32> {
+        let frames = self.tiles.first().map_or(0, |tile| tile.quality.len());
+        let image = |frame: usize| self.tiles.iter().map(move |tile| tile.quality[frame] as f32);
+        (0..frames).flat_map(image).collect()
     }
 }
 

@@ -224,7 +224,8 @@ impl<L: Lanes> Worker<L> {
         run.unmeasured.fetch_add(nothing, Ordering::Relaxed);
         let sigmas = run.job.keeps_coherence().then(|| &self.sigmas[..size]);
         let phases = &self.phases[..size];
-        (run.each)(StripResult { first_row: rows.start, phases, sigmas, valid })
+        let closure = None;
+        (run.each)(StripResult { first_row: rows.start, phases, sigmas, closure, valid })
     }
 }
 

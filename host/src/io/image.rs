@@ -54,7 +54,8 @@ impl ImageLayout {
 /// Writes float32 images (time, y, x) whose strips arrive in any order, from several threads.
 ///
 /// `F.npy` holds the phase and `F.sigma.npy` its standard deviation; `F.zarr` holds `phase_rad`,
-/// `sigma_rad`, `valid` and `time_s`. Phases are stored as given: the caller puts NaN where a pixel
+/// `sigma_rad`, `valid` and `time_s`, and what else belongs to the images ([`Self::write_map`],
+/// [`Self::write_quality`]). Phases are stored as given: the caller puts NaN where a pixel
 /// is not valid.
 pub struct ImageWriter {
     layout: ImageLayout,
@@ -134,6 +135,21 @@ impl ImageWriter {
             Sink::Npy { .. } => Ok(()),
             Sink::Zarr(zarr) => zarr.group.write_whole(name, &["y", "x"], &[height, width], values),
         }
+    }
+
+    /// Add the quality of the frames in each tile of the image, (time, tile_y, tile_x); `tile_y` and `tile_x` hold the
+    /// first row and column of each. `.npy` files have no place for it.
+    ///
+    /// # Errors
+    /// When it does not fit the layout, or the disk is full.
+    pub fn write_quality(&self, quality: &[f32], origins: [&[usize]; 2]) -> Result<()> {
+        let Sink::Zarr(zarr) = &self.sink else { return Ok(()) };
+        for (axis, first) in ["tile_y", "tile_x"].into_iter().zip(origins) {
+            let first: Vec<f64> = first.iter().map(|&pixel| pixel as f64).collect();
+            zarr.group.write_whole(axis, &[axis], &[first.len()], &first)?;
+        }
+        let shape = [self.layout.frames, origins[0].len(), origins[1].len()];
+        zarr.group.write_whole("quality", &["time", "tile_y", "tile_x"], &shape, quality)
     }
 
     /// Give the results their final names, which are returned.

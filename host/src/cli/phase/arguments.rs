@@ -32,12 +32,19 @@ pub(in crate::cli) struct Arguments {
     #[arg(required = true, value_name = "SERIES")]
     pub(super) series: Vec<PathBuf>,
     /// Curve: average over the pixels of this mask (y, x), true or non-zero inside
+    ///
+    /// Method linked also tells whether one motion explains the region: closure_misfit, the closure phases over
+    /// their noise, and closure_p, the chance that they are as bad where it does (below 0.001: look for parts
+    /// that move differently); of one layer only.
     #[arg(long, value_name = "M.npy")]
     pub(super) mask: Option<PathBuf>,
     /// Curve: subtract that of this mask, an unstimulated region; the variances add
     #[arg(long, value_name = "M2.npy")]
     pub(super) control: Option<PathBuf>,
     /// Images: average with a Gaussian of this standard deviation, in pixels (periodic edges)
+    ///
+    /// Of method linked a .zarr result also holds closure_p, for each pixel the chance of such closure phases if
+    /// one motion explains it (one layer), and quality, that of the frames in each tile of the image.
     #[arg(long, value_name = "SIGMA", allow_negative_numbers = true)]
     pub(super) gaussian: Option<f64>,
     /// How the phase is obtained from the cross-spectrum

@@ -1,7 +1,7 @@
 //! The phase of a region over time, less that of a control region.
 
 use super::figure::FigureFile;
-use super::{AddedLooks, Task, check_looks};
+use super::{AddedLooks, Task, check_looks, closure};
 use crate::cli::print;
 use crate::curve::{LINKED_WINDOW_LOOKS, Linked, Region, curve, link_region, subtract};
 use crate::error::{Error, Result};
@@ -12,6 +12,7 @@ use crate::method::{Method, Plan};
 use crate::notes;
 use crate::progress::Progress;
 use crate::series::Survey;
+use phasewalk_core::closure::Closure;
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -55,6 +56,9 @@ impl Task<'_> {
         if let Some(linked) = &result.linked {
             facts.insert("coherence_model".to_owned(), model(linked));
         }
+        for (closure, region) in closures(result, control) {
+            closure::add_facts(closure, region, &mut facts);
+        }
         facts.insert("pixels_left_out".to_owned(), json!(result.left_out));
         if let Some(control) = control {
             facts.insert("control_pixels".to_owned(), json!(control.pixels));
@@ -79,6 +83,9 @@ impl Task<'_> {
         }
         let less = control.map(|c| format!(" less {}", c.in_words())).unwrap_or_default();
         self.report(&format!("{}{less}", result.in_words()), facts, &files);
+        for (closure, region) in closures(result, control).filter(|_| !self.common.json) {
+            print(&closure::in_words(closure, region));
+        }
         Ok(())
     }
 
@@ -105,6 +112,18 @@ impl Task<'_> {
         };
         figure.draw()
     }
+}
+
+/// Closure of the mask and of the control, where they have one.
+fn closures<'a>(
+    result: &'a Evaluated,
+    control: Option<&'a Evaluated>,
+) -> impl Iterator<Item = (&'a Closure, &'static str)> {
+    let regions = [(Some(result), "mask"), (control, "control")];
+    let closure = |evaluated: &'a Evaluated| evaluated.linked.as_ref()?.closure.as_ref();
+    regions
+        .into_iter()
+        .filter_map(move |(evaluated, region)| Some((evaluated.and_then(closure)?, region)))
 }
 
 /// The fitted coherence h(tau) = sum of share_k exp(-rate_k tau), for the attributes.

@@ -3,11 +3,11 @@
 use super::decorrelation::Decorrelation;
 use super::figure::FigureFile;
 use super::shown::Shown;
-use super::{Task, check_looks};
+use super::{Task, check_looks, closure};
 use crate::cli::{megabytes, print};
 use crate::error::Result;
-use crate::image::{Fit, ImageJob, Imaging, Kernel, StripResult};
-use crate::io::{Attributes, ImageLayout, ImageWriter, Series, Shape};
+use crate::image::{Fit, ImageJob, Imaging, Kernel, StripResult, Tiles};
+use crate::io::{Attributes, Format, ImageLayout, ImageWriter, Series, Shape};
 use crate::lanes::Path as LanePath;
 use crate::looks::SpatialCoherence;
 use crate::method::Method;
@@ -40,6 +40,7 @@ impl Task<'_> {
             looks_of_layers: added.depths,
             looks_of_recordings: added.recordings,
             looks,
+            closure: self.tests_closure()?,
             path,
         };
         let tiles = linked.then(|| fit.tiles(&Progress::new("coherence", fit.steps())));
@@ -59,6 +60,12 @@ impl Task<'_> {
             memory: self.memory(),
         };
         self.write_images(&job, &coherence, added.recordings, figure)
+    }
+
+    /// An .npy file has no place for it, and the noise of the product of two layers is not as the test expects.
+    fn tests_closure(&self) -> Result<bool> {
+        let zarr = matches!(Format::of(&self.arguments.output)?, Format::Zarr);
+        Ok(zarr && !self.plan.depths.has_two_layers())
     }
 
     /// The figure's file and frames, before anything is computed.
@@ -89,16 +96,19 @@ impl Task<'_> {
         let layout = self.layout(memory.strip_rows, facts.clone());
         let writer = ImageWriter::create(&self.arguments.output, layout)?;
         let progress = Progress::new("phase images", job.steps()?);
+        let closure = closure::ClosureMap::new(self, job.tiles);
         let unmeasured = job.run(&progress, &|strip| {
             if let Some((_, shown)) = &figure {
                 shown.keep(&strip)?;
             }
+            closure.keep(&strip)?;
             self.write_strip(&writer, &strip)
         })?;
-        let map = job.tiles.map(|tiles| Decorrelation::of(self, tiles));
-        if let Some(map) = &map {
-            map.write(&writer)?;
-            facts.insert("decorrelation".to_owned(), map.facts());
+        let map = job.tiles.map(|tiles| self.add_maps(tiles, &writer, &mut facts)).transpose()?;
+        let closure = closure.finish();
+        if let Some(closure) = &closure {
+            writer.write_map("closure_p", closure)?;
+            facts.insert("closure".to_owned(), closure::fact(closure));
         }
         let mut files = writer.finish()?;
         drop(progress);
@@ -109,16 +119,34 @@ impl Task<'_> {
         if let (Some(map), Some(file)) = (&map, map_file) {
             files.push(file.finish(&map.draw())?);
         }
-        if let Some(map) = map.filter(|_| !self.common.json) {
-            print(&map.in_words());
-        }
         facts.insert("pixels_without_weight".to_owned(), json!(unmeasured));
-        if unmeasured > 0 && !self.common.json {
-            print(&format!("{unmeasured} pixels have no pair above random phases: 0 there"));
+        if !self.common.json {
+            let without = (unmeasured > 0)
+                .then(|| format!("{unmeasured} pixels have no pair above random phases: 0 there"));
+            let map = map.map(|map| map.in_words());
+            let closure = closure.map(|closure| closure::map_in_words(&closure));
+            for line in [map, closure, without].into_iter().flatten() {
+                print(&line);
+            }
         }
         let left_out = left_out(job.survey);
         self.report(&format!("{width} x {height} pixels{left_out}"), facts, &files);
         Ok(())
+    }
+
+    /// What the tiles tell beside the images.
+    fn add_maps(
+        &self,
+        tiles: &Tiles,
+        writer: &ImageWriter,
+        facts: &mut Attributes,
+    ) -> Result<Decorrelation> {
+        let map = Decorrelation::of(self, tiles);
+        map.write(writer)?;
+        facts.insert("decorrelation".to_owned(), map.facts());
+        let quality = tiles.quality();
+        writer.write_quality(&self.good.images_of_all(&quality), tiles.origins())?;
+        Ok(map)
     }
 
     fn layout(&self, strip_rows: usize, attributes: Attributes) -> ImageLayout {

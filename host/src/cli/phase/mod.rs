@@ -3,6 +3,7 @@
 //! | file | what it holds |
 //! |---|---|
 //! | `arguments` | the options, and what they alone can tell |
+//! | `closure` | whether one motion explains the data |
 //! | `curve` | the phase of a region over time |
 //! | `decorrelation` | how fast each part of the image decorrelates |
 //! | `images` | phase images of all frames |
@@ -11,6 +12,7 @@
 //! | `report` | what is kept with the result and said about it |
 
 mod arguments;
+mod closure;
 mod curve;
 mod decorrelation;
 mod figure;
