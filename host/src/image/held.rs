@@ -92,6 +92,7 @@ impl Imaging<'_> {
             looks_of_layers: 1.0,
             looks_of_recordings: 1.0,
             looks,
+            window_looks: looks,
             closure: false,
             path,
         };

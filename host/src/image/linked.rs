@@ -33,7 +33,7 @@ pub struct Stages {
 }
 
 impl Stages {
-    /// For one layer the Gaussian as asked for; for two its variance is shared between sub-window and rest.
+    /// For one layer the Gaussian as asked for; for two the average of the products has half its variance.
     ///
     /// # Errors
     /// When sigma does not fit the image.
@@ -41,17 +41,22 @@ impl Stages {
         if !run.plan.depths.has_two_layers() {
             return Ok(Self { whole: kernel.clone(), window: None });
         }
-        let part = |share: f64| {
-            let sigma = kernel.sigma_px * share.sqrt();
-            Kernel::new(sigma, kernel.height, kernel.width, run.double)
-        };
-        Ok(Self { whole: part(0.5)?, window: Some(part(0.5)?) })
+        let half = window_kernel(kernel, run.double)?;
+        Ok(Self { whole: half.clone(), window: Some(half) })
     }
 
     /// Rows of halo that both need.
     pub fn halo(&self) -> usize {
         self.whole.radius() + self.window.as_ref().map_or(0, Kernel::radius)
     }
+}
+
+/// The sub-window of two layers: a Gaussian of half the variance.
+///
+/// # Errors
+/// When sigma does not fit the image.
+pub fn window_kernel(kernel: &Kernel, double: bool) -> Result<Kernel> {
+    Kernel::new(kernel.sigma_px * 0.5_f64.sqrt(), kernel.height, kernel.width, double)
 }
 
 /// Bytes of one thread with strips of `rows` rows.

@@ -21,6 +21,7 @@ mod worker;
 pub use decorrelation::{Quantity, diffusion_um2, walk_nm};
 pub use held::{HeldImages, Imaging};
 pub use kernel::Kernel;
+pub use linked::window_kernel;
 pub use memory::MemoryPlan;
 pub use tiles::{Fit, Tile, Tiles};
 

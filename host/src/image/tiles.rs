@@ -20,7 +20,9 @@ use crate::method::Plan;
 use crate::progress::Progress;
 use crate::series::Survey;
 use num_complex::{Complex, Complex32, Complex64};
-use phasewalk_core::bound::{information, invert_laplacian, reported_variance, sandwich};
+use phasewalk_core::bound::{
+    information, invert_laplacian, layered_sandwich, reported_variance, sandwich, share_of_layers,
+};
 use phasewalk_core::closure::{Contrasts, Room};
 use phasewalk_core::coherence::{Lag, Mixture};
 use phasewalk_core::cross_spectrum::cross_spectrum;
@@ -89,6 +91,8 @@ pub struct Fit<'a> {
     pub looks_of_recordings: f64,
     /// Looks of the Gaussian that the phases are averaged with.
     pub looks: f64,
+    /// Looks of the sub-windows over which each of two layers is averaged before; unused with one.
+    pub window_looks: f64,
     /// Will the pixels' closure be tested?
     pub closure: bool,
     /// Vector instructions.
@@ -138,47 +142,46 @@ impl Fit<'_> {
 
     fn tile(&self, band: &Band, block: &Block, columns: Range<usize>) -> Result<Tile> {
         let task = TileTask { fit: self, band, block, columns };
-        let (squares, blocks) = self.path.run(task)??;
-        self.solve(squares, blocks.max(1) as f64 * self.looks_of_recordings, block.looks)
+        let squares = self.path.run(task)??;
+        self.solve(squares, block.looks)
     }
 
     /// The model of a tile and what follows from it.
-    fn solve(&self, mut squares: Vec<f64>, blocks: f64, block_looks: f64) -> Result<Tile> {
+    fn solve(&self, mut squares: Squares, block_looks: f64) -> Result<Tile> {
         let n = self.plan.frames();
         let mut reals = zeros(Buffers::<f64>::reals(n), TILES)?;
         let mut lags = filled(Lag { tau: 0.0, mean: 0.0, pairs: 0.0 }, n * n / 2 + 1, TILES)?;
         let mut indices = zeros(Lags::indices(n), TILES)?;
-        let mut matrices: [Vec<f64>; 6] = [0; 6].map(|_| vec![0.0; n * n]);
-        let [root, precision, inverse, honest, a, b] = &mut matrices;
+        let mut matrices: [Vec<f64>; 3] = [0; 3].map(|_| vec![0.0; n * n]);
         let [mut root, mut precision, mut inverse] =
-            [root, precision, inverse].map(|data| Square::new(data, n));
-        let [mut honest, mut a, mut b] = [honest, a, b].map(|data| Square::new(data, n));
+            matrices.each_mut().map(|data| Square::new(data, n));
         let buffers = Buffers { reals: &mut reals, lags: &mut lags, indices: &mut indices };
         // The spread of a mean squared coherence is 1 / (L sqrt(blocks)).
-        let looks = block_looks * blocks.sqrt();
-        let mut model = Model::new(&self.plan.times_s, looks, buffers);
-        model.fit_blind(&Square::new(&mut squares, n), &mut root);
+        let blocks = squares.blocks.max(1) as f64 * self.looks_of_recordings;
+        let mut model = Model::new(&self.plan.times_s, block_looks * blocks.sqrt(), buffers);
+        model.fit_blind(&Square::new(&mut squares.product, n), &mut root);
         precision.copy_from(&model.gamma);
         precision.invert();
         information(&model.gamma, &precision, &mut inverse);
         invert_laplacian(&mut inverse);
-        sandwich(&precision, &root, self.looks, &mut honest, &mut a, &mut b);
         let usable: Vec<bool> =
             (0..n).map(|i| is_usable(&model, &precision, self.looks, i)).collect();
         let counted: Vec<f64> = usable.iter().map(|&usable| f64::from(usable)).collect();
         let (contrasts, modes) = self.contrasts(&model.gamma, &counted)?;
-        let references = self.plan.params.reference_frames;
-        let sigma = |frame: usize| {
-            let bound = reported_variance(&inverse, &counted, references, frame) * 0.5 / self.looks;
-            let other = reported_variance(&honest, &counted, references, frame);
-            let known = usable[frame];
-            if known { bound.max(other).sqrt() as f32 } else { f32::INFINITY }
-        };
         let single = |matrix: &Square<'_, f64>| -> Vec<f32> {
             (0..n).flat_map(|i| matrix.row(i).iter().map(|&x| x as f32)).collect()
         };
+        let variances = match squares.neighbours {
+            None => self.variances([&precision, &inverse, &root], &counted)?,
+            Some(neighbours) => {
+                self.layer_variances(&precision, &model.gamma, neighbours, &counted)?
+            }
+        };
+        let sigma = |(&usable, &variance): (&bool, &f64)| {
+            if usable { variance.sqrt() as f32 } else { f32::INFINITY }
+        };
         Ok(Tile {
-            sigmas: (0..n).map(sigma).collect(),
+            sigmas: usable.iter().zip(&variances).map(sigma).collect(),
             precision: single(&precision),
             inverse: single(&inverse),
             quality: model.quality.to_vec(),
@@ -187,6 +190,48 @@ impl Fit<'_> {
             contrasts,
             modes,
         })
+    }
+
+    /// Of one layer: the larger of the model's and the sandwich's.
+    fn variances(
+        &self,
+        [precision, inverse, root]: [&Square<'_, f64>; 3],
+        usable: &[f64],
+    ) -> Result<Vec<f64>> {
+        let n = self.plan.frames();
+        let mut matrices = zeros(3 * n * n, TILES)?;
+        let mut rest = matrices.chunks_exact_mut(n * n);
+        let [mut honest, mut a, mut b] =
+            [0; 3].map(|_| Square::new(rest.next().unwrap_or_default(), n));
+        sandwich(precision, root, self.looks, &mut honest, &mut a, &mut b);
+        let variance = |frame: usize| {
+            let of = |covariance| self.reported(covariance, usable, frame);
+            (of(inverse) * 0.5 / self.looks).max(of(&honest))
+        };
+        Ok((0..n).map(variance).collect())
+    }
+
+    /// Of the difference of two layers: both layers' noise.
+    fn layer_variances(
+        &self,
+        precision: &Square<'_, f64>,
+        gamma: &Square<'_, f64>,
+        neighbours: [f64; 2],
+        usable: &[f64],
+    ) -> Result<Vec<f64>> {
+        let n = self.plan.frames();
+        let mut matrices = zeros(5 * n * n, TILES)?;
+        let mut rest = matrices.chunks_exact_mut(n * n);
+        let [mut out, mut a, mut b, mut seen, mut own] =
+            [0; 5].map(|_| Square::new(rest.next().unwrap_or_default(), n));
+        let (share, looks) = (share_of_layers(neighbours), [self.looks, self.window_looks]);
+        let scratch = [&mut a, &mut b, &mut seen, &mut own];
+        layered_sandwich(precision, gamma, share, looks, &mut out, scratch);
+        Ok((0..n).map(|frame| self.reported(&out, usable, frame)).collect())
+    }
+
+    fn reported(&self, covariance: &Square<'_, f64>, usable: &[f64], frame: usize) -> f64 {
+        reported_variance(covariance, usable, self.plan.params.reference_frames, frame)
     }
 
     /// 2 W_k, as each pair is met once, and how many there are.
@@ -294,7 +339,17 @@ impl Band {
     }
 }
 
-/// Mean squared coherences of a tile, and over how many blocks.
+/// Mean squared coherences of a tile.
+struct Squares {
+    /// Of one layer, or the product of those of two, N x N.
+    product: Vec<f64>,
+    /// Of each of two layers, in neighbouring frames.
+    neighbours: Option<[f64; 2]>,
+    /// Over how many blocks.
+    blocks: usize,
+}
+
+/// Finds the mean squared coherences of a tile.
 struct TileTask<'a> {
     fit: &'a Fit<'a>,
     band: &'a Band,
@@ -303,10 +358,10 @@ struct TileTask<'a> {
 }
 
 impl LaneTask for TileTask<'_> {
-    type Output = Result<(Vec<f64>, usize)>;
+    type Output = Result<Squares>;
 
     #[inline(always)]
-    fn run<L: Lanes<Element = f32>>(self) -> Result<(Vec<f64>, usize)> {
+    fn run<L: Lanes<Element = f32>>(self) -> Result<Squares> {
         let n = self.fit.plan.frames();
         let planes = &self.fit.plan.depths;
         let recordings = planes.layers();
@@ -327,13 +382,21 @@ impl LaneTask for TileTask<'_> {
                 }
             }
         }
-        let mut squares = vec![1.0; n * n];
-        for sums in &sums {
-            for (square, layer) in squares.iter_mut().zip(sums.squares(self.block.looks, n)) {
-                *square *= layer;
-            }
-        }
-        Ok((squares, blocks))
+        let layers: Vec<Vec<f64>> =
+            sums.iter().map(|sums| sums.squares(self.block.looks, n)).collect();
+        let neighbours = |layer: &Vec<f64>| {
+            let of = |t: usize| layer[t * n + t + 1];
+            (0..n - 1).map(of).sum::<f64>() / (n - 1) as f64
+        };
+        let product = |place: usize| layers.iter().map(|layer| layer[place]).product();
+        Ok(Squares {
+            product: (0..n * n).map(product).collect(),
+            neighbours: match &layers[..] {
+                [first, second] => Some([neighbours(first), neighbours(second)]),
+                _ => None,
+            },
+            blocks,
+        })
     }
 }
 

@@ -6,7 +6,7 @@ use super::shown::Shown;
 use super::{Task, check_looks, closure};
 use crate::cli::{megabytes, print};
 use crate::error::Result;
-use crate::image::{Fit, ImageJob, Imaging, Kernel, StripResult, Tiles};
+use crate::image::{Fit, ImageJob, Imaging, Kernel, StripResult, Tiles, window_kernel};
 use crate::io::{Attributes, Format, ImageLayout, ImageWriter, Series, Shape};
 use crate::lanes::Path as LanePath;
 use crate::looks::SpatialCoherence;
@@ -32,6 +32,10 @@ impl Task<'_> {
         let nominal = kernel.nominal_looks() * self.arguments.series.len() as f64;
         let looks = self.arguments.looks().choose(nominal, effective);
         check_looks(self.plan.method, looks, "--gaussian")?;
+        let window = self.plan.depths.has_two_layers().then(|| window_kernel(&kernel, double));
+        let window_looks = window
+            .transpose()?
+            .map_or(looks, |window| coherence.looks_of_kernel(&window) * added.depths);
         let fit = Fit {
             series: &self.good,
             survey: &survey,
@@ -40,6 +44,7 @@ impl Task<'_> {
             looks_of_layers: added.depths,
             looks_of_recordings: added.recordings,
             looks,
+            window_looks,
             closure: self.tests_closure()?,
             path,
         };
