@@ -85,9 +85,22 @@ fn run(arguments: &Arguments) -> Result<()> {
         disk.pixels()
     );
     println!(
-        "         walked                                       linked                 residuals\n  \
-         steps   x: rad/mm   per step   z: rad/mm       R^2   x: rad/mm   z: rad/mm   walked   linked    \
-         paper   direct"
+        "  {:>5} {:>38} {:>23} {:>11} {:>26}\n  {:>5} {:>12} {:>12} {:>12} {:>11} {:>11} {:>11} {:>8} {:>8} {:>8}",
+        "",
+        "walked",
+        "linked",
+        "paper",
+        "residuals",
+        "steps",
+        "x: rad/mm",
+        "z: rad/mm",
+        "R^2",
+        "x: rad/mm",
+        "z: rad/mm",
+        "x: rad/mm",
+        "walked",
+        "linked",
+        "direct"
     );
     for step in &steps {
         print_step(step);
@@ -98,17 +111,16 @@ fn run(arguments: &Arguments) -> Result<()> {
 
 fn print_step(step: &Step) {
     println!(
-        "  {:>5} {:>11.3} {:>10.4} {:>11.3} {:>9.4} {:>11.3} {:>11.3} {:>8.3} {:>8.3} {:>8.2} {:>8.2}",
+        "  {:>5} {:>12.3} {:>12.3} {:>12.4} {:>11.3} {:>11.3} {:>11.3} {:>8.3} {:>8.3} {:>8.3}",
         step.steps,
         step.slope_x_rad_per_mm,
-        step.slope_x_rad_per_mm / step.steps as f64,
         step.slope_z_rad_per_mm,
         step.r_squared,
         step.linked_slope_x_rad_per_mm,
         step.linked_slope_z_rad_per_mm,
+        step.paper_slope_x_rad_per_mm,
         step.walked_residual_rad,
         step.linked_residual_rad,
-        step.paper_residual_rad,
         step.direct_residual_rad,
     );
 }

@@ -1,7 +1,7 @@
 //! Linked phases: images against the formulas written out, every lane path, what the program tells.
 
 use num_complex::{Complex, Complex32};
-use phasewalk::image::{Fit, ImageJob, Kernel, Tile, Tiles};
+use phasewalk::image::{Fit, ImageJob, Kernel, Tile, Tiles, window_kernel};
 use phasewalk::io::{Series, Shape};
 use phasewalk::lanes::Path;
 use phasewalk::looks::SpatialCoherence;
@@ -44,6 +44,7 @@ impl Scene {
             looks_of_layers: 1.0,
             looks_of_recordings: 1.0,
             looks,
+            window_looks: coherence.looks_of_kernel(&window_kernel(&kernel, false).unwrap()),
             closure: true,
             path,
         };

@@ -85,8 +85,8 @@ pub struct Step {
     pub linked_slope_z_rad_per_mm: f64,
     /// Root mean square of linked phase − its own plane, rad.
     pub linked_residual_rad: f64,
-    /// Root mean square of the paper's least squares − its own plane, rad.
-    pub paper_residual_rad: f64,
+    /// Slope of the paper's least squares along x, rad/mm.
+    pub paper_slope_x_rad_per_mm: f64,
 }
 
 /// The phases of a series by all methods.
@@ -164,7 +164,7 @@ impl RotatingDisk {
             linked_slope_x_rad_per_mm: linked.plane.slope_x,
             linked_slope_z_rad_per_mm: linked.plane.slope_z,
             linked_residual_rad: linked.residual,
-            paper_residual_rad: paper.residual,
+            paper_slope_x_rad_per_mm: paper.plane.slope_x,
         })
     }
 
