@@ -15,6 +15,9 @@ use phasewalk_core::variance::phase_variance;
 use phasewalk_core::weights::{debias, pair_variance};
 use rayon::prelude::*;
 
+/// Frames whose standard deviations one thread finds in one go.
+const FRAMES_AT_ONCE: usize = 128;
+
 /// What the three methods start from.
 pub(super) struct Estimate<'a> {
     pub plan: &'a Plan,
@@ -82,7 +85,9 @@ impl Estimate<'_> {
             let mut scratch = vec![0.0; frames];
             phase_variance(&solver, &noise, &measured, n0, frame, &mut scratch).sqrt()
         };
-        (phases, (0..frames).into_par_iter().map(sigma).collect())
+        // In a study a thread that waited for parts of a short series would begin other series meanwhile, and hold them all.
+        let all = (0..frames).into_par_iter().with_min_len(FRAMES_AT_ONCE);
+        (phases, all.map(sigma).collect())
     }
 
     /// The average whose argument is the pair's phase.
