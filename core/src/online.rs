@@ -3,8 +3,8 @@
 //!
 //! Volumes are numbered 0, 1, 2, …, and these numbers are their times: phase linking by [`crate::tracker`], with
 //! its defaults, a window of 16 volumes and the anchor; without jumps of the pattern and without cosines, which would take
-//! time and memory. What it takes of `libm` (e^x, logarithm, sine and
-//! cosine, arc tangent, rounding) is the same bits on every machine, as is all other arithmetic of IEEE 754.
+//! time and memory. What it takes of `libm` (e^x, logarithm, sine and cosine, arc tangent, rounding) is the same bits on
+//! every machine, as is all other arithmetic of IEEE 754.
 
 use crate::error::Error;
 use crate::scalar::Real;

@@ -34,8 +34,8 @@ pub struct TrackerSettings {
     /// May the speckle move on by more from one frame to the next than the times say (a jump, a rate that varies)? A frame
     /// of low quality with which the next one agrees then counts as good and late.
     pub jumps: bool,
-    /// May the pattern come back, as with a pulse or a vibration (with periods of at least 6 intervals)? Cosines then join the decays
-    /// where these cannot follow. A tracker that has none ([`Tracker`](super::Tracker)) does without whatever this says.
+    /// May the pattern come back, as with a pulse or a vibration (periods of 6 intervals and more)? Cosines then join the decays where
+    /// these cannot follow. A tracker that has none ([`Tracker`](super::Tracker)) does without whatever this says.
     pub periodic: bool,
 }
 
