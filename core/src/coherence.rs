@@ -14,7 +14,7 @@
 //! (`exp(-(2 k sigma)^2 tau / 2)`), additive noise lowers the sum.
 
 use crate::scalar::Real;
-use crate::square::{Square, dot};
+use crate::square::{Square, add_times, dot};
 
 /// Decays of the batch estimator: the static part and 13 rates.
 pub const DECAYS: usize = 14;
@@ -198,9 +198,7 @@ impl<T: Real, const K: usize> Normal<T, K> {
     pub fn add(&mut self, decays: &[T; K], mean: T, weight: T) {
         for ((row, right), &e) in self.matrix.iter_mut().zip(&mut self.right).zip(decays) {
             let weighted = weight * e;
-            for (place, &f) in row.iter_mut().zip(decays) {
-                *place = weighted.mul_add(f, *place);
-            }
+            add_times(row, weighted, decays);
             *right = weighted.mul_add(mean, *right);
         }
     }
@@ -218,6 +216,11 @@ impl<T: Real, const K: usize> Normal<T, K> {
         for (place, &value) in own.zip(other.matrix.as_flattened().iter().chain(&other.right)) {
             *place += value;
         }
+    }
+
+    /// Rows of the matrix with their right sides.
+    pub(crate) fn rows(&self) -> impl Iterator<Item = (&[T; K], T)> {
+        self.matrix.iter().zip(self.right.iter().copied())
     }
 
     /// The largest element of the matrix.

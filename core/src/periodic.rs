@@ -7,7 +7,7 @@
 use crate::coherence::{DECAYS, LARGEST_SHARE, Lag, Mixture, PASSES, RIDGE, information};
 use crate::coherence::{nonneg_least_squares, sum};
 use crate::scalar::Real;
-use crate::square::{Square, dot};
+use crate::square::{Square, add_times, dot};
 
 /// Share that every term begins with.
 const FIRST_SHARE: f64 = 1e-3;
@@ -60,9 +60,7 @@ impl<'a, T: Real> Dictionary<'a, T> {
             self.fill_column(lag.tau);
             for (k, &e) in self.column.iter().enumerate() {
                 let weighted = weight(lag) / heaviest * e;
-                for (place, &f) in self.normal.row_mut(k).iter_mut().zip(self.column.iter()) {
-                    *place = weighted.mul_add(f, *place);
-                }
+                add_times(self.normal.row_mut(k), weighted, self.column);
                 if let Some(place) = self.right.get_mut(k) {
                     *place = weighted.mul_add(lag.mean, *place);
                 }

@@ -216,6 +216,14 @@ pub(crate) fn dot<T: Real>(a: &[T], b: &[T]) -> T {
     a.iter().zip(b).fold(T::zero(), |sum, (&x, &y)| x.mul_add(y, sum))
 }
 
+/// sum_k += factor a_k over what both have.
+#[inline]
+pub(crate) fn add_times<T: Real>(sum: &mut [T], factor: T, a: &[T]) {
+    for (place, &x) in sum.iter_mut().zip(a) {
+        *place = factor.mul_add(x, *place);
+    }
+}
+
 /// Share of its element below which a pivot is rounding.
 fn smallest_pivot<T: Real>() -> T {
     let exact = T::from_f64(1.0 + 1e-12) - T::one() > T::zero();

@@ -6,18 +6,23 @@
 //! S_k  =  sum over j of s_j^2 exp(-r_k (t_A - t_j)),   ⟨|A|²⟩ = E_A
 //! ```
 //! for frames of unit power and the coherence h(tau) = sum over k of c_k exp(-r_k tau); times t by the clock of the
-//! decorrelation ([`super::clock`]), t_A that of the frame that joined last. Coherence with a sum of decays stays a sum of the same decays: K numbers stand for all absorbed frames.
+//! decorrelation ([`super::clock`]), t_A that of the frame that joined last. Coherence with a sum of decays stays a sum of
+//! the same decays: K numbers stand for all absorbed frames. A cosine is the real part of a decay with the imaginary rate
+//! -i w_m, its S_m is complex. Over whole periods that sum averages out: of a pattern that comes back the anchor keeps
+//! little.
 
-use crate::coherence::Mixture;
+use super::terms::{Coherence, Terms};
+use crate::linking::turn;
 use crate::scalar::Real;
+use num_complex::Complex;
 
 /// Sums and powers below this are nothing.
 const NOTHING: f64 = 1e-9;
 
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Anchor<T, const K: usize> {
-    /// S_k.
-    sums: [T; K],
+pub(super) struct Anchor<T, const M: usize> {
+    /// S_k, and S_m of the cosines.
+    sums: Terms<T, M>,
     /// E_A.
     power: T,
     /// Sum of s_j^2, as which the anchor's phase counts.
@@ -28,26 +33,36 @@ pub(super) struct Anchor<T, const K: usize> {
     stale: bool,
 }
 
-impl<T: Real, const K: usize> Anchor<T, K> {
+impl<T: Real, const M: usize> Anchor<T, M> {
     pub(super) fn new() -> Self {
         let zero = T::zero();
-        Self { sums: [zero; K], power: zero, weight: zero, time: 0.0, stale: false }
+        Self { sums: Terms::filled(zero), power: zero, weight: zero, time: 0.0, stale: false }
     }
 
     /// The first frame becomes the anchor, with its full field whatever its quality.
     pub(super) fn found(&mut self, quality: T, time: f64) {
-        (self.sums, self.power, self.weight) = ([quality; K], T::one(), quality);
+        (self.sums, self.power, self.weight) = (Terms::filled(quality), T::one(), quality);
         self.time = time;
     }
 
     /// A frame joins. Returns beta, its share of the phase: phi_A <- (1 - beta) phi_A + beta phi.
-    pub(super) fn join(&mut self, mixture: &Mixture<T, K>, memory: T, quality: T, time: f64) -> T {
+    pub(super) fn join(
+        &mut self,
+        coherence: &Coherence<T, M>,
+        memory: T,
+        quality: T,
+        time: f64,
+    ) -> T {
         let square = quality * quality;
-        let common = square * self.expected(mixture, time);
+        let step = self.terms(coherence, time);
+        let common = square * self.expected(coherence, &step);
         self.power = memory * (memory * self.power + common + common) + square;
-        let decays = self.decays(mixture, time);
-        for (sum, &decay) in self.sums.iter_mut().zip(&decays) {
+        for (sum, &decay) in self.sums.decays.iter_mut().zip(&step.decays) {
             *sum = memory * decay * *sum + square;
+        }
+        for (sum, &step) in self.sums.turns.iter_mut().zip(&step.turns) {
+            let turned = turn(step, *sum);
+            *sum = Complex { re: memory * turned.re + square, im: memory * turned.im };
         }
         self.time = time;
         let before = memory * self.weight;
@@ -57,7 +72,7 @@ impl<T: Real, const K: usize> Anchor<T, K> {
 
     /// No frame to come is coherent with the absorbed ones.
     pub(super) fn forget(&mut self) {
-        (self.sums, self.power, self.weight) = ([T::zero(); K], T::zero(), T::zero());
+        (self.sums, self.power, self.weight) = (Terms::filled(T::zero()), T::zero(), T::zero());
         self.stale = true;
     }
 
@@ -66,57 +81,71 @@ impl<T: Real, const K: usize> Anchor<T, K> {
         core::mem::replace(&mut self.stale, false)
     }
 
-    /// exp(-r_k (t - t_A)).
-    fn decays(&self, mixture: &Mixture<T, K>, time: f64) -> [T; K] {
-        mixture.decays(T::from_f64(time - self.time))
+    /// exp(-r_k (t - t_A)) and exp(i w_m (t - t_A)).
+    fn terms(&self, coherence: &Coherence<T, M>, time: f64) -> Terms<T, M> {
+        coherence.terms(T::from_f64(time - self.time))
     }
 
-    /// Factors of the c_k in the coherence of a frame of quality 1 with the anchor: exp(-r_k (t - t_A)) S_k / sqrt(E_A).
-    pub(super) fn factors(&self, mixture: &Mixture<T, K>, time: f64) -> [T; K] {
+    /// Factors of the shares in the coherence of a frame of quality 1 with the anchor: exp(-r_k (t - t_A)) S_k / sqrt(E_A).
+    pub(super) fn factors(&self, coherence: &Coherence<T, M>, time: f64) -> Terms<T, M> {
         let scale = self.power.max(T::from_f64(NOTHING)).inverse_sqrt();
-        let mut factors = self.decays(mixture, time);
-        for (factor, &sum) in factors.iter_mut().zip(&self.sums) {
-            *factor = *factor * sum * scale;
-        }
+        let mut factors = self.terms(coherence, time);
+        factors.follow(&self.sums);
+        factors.scale(scale);
         factors
     }
 
-    /// ⟨U_t conj A⟩ for a frame of quality 1.
-    fn expected(&self, mixture: &Mixture<T, K>, time: f64) -> T {
-        let decays = self.decays(mixture, time);
-        let terms = mixture.shares.iter().zip(&decays).zip(&self.sums);
-        terms.fold(T::zero(), |total, ((&c, &decay), &sum)| total + c * decay * sum)
+    /// ⟨U_t conj A⟩ for a frame of quality 1, with the terms from t_A to t.
+    fn expected(&self, coherence: &Coherence<T, M>, step: &Terms<T, M>) -> T {
+        let terms = coherence.shares().iter().zip(&step.decays).zip(&self.sums.decays);
+        let decaying = terms.fold(T::zero(), |total, ((&c, &e), &sum)| total + c * e * sum);
+        if !coherence.periodic {
+            return decaying;
+        }
+        let mut returning = *step;
+        returning.follow(&self.sums);
+        decaying + coherence.returning(&returning)
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::terms::COSINES;
     use super::*;
-    use crate::square::dot;
 
     /// Against the sum over all pairs of absorbed frames.
-    #[test]
-    fn a_few_numbers_stand_for_all_frames() {
-        let mut mixture = Mixture::<f64, 4>::new(1.0, 30.0);
-        mixture.shares = [0.1, 0.2, 0.3, 0.25];
+    fn stands_for_all_frames(periodic: bool) {
+        let mut coherence = Coherence::<f64, COSINES>::new(1.0, 30.0);
+        coherence.mixture.shares = [0.1, 0.0, 0.1, 0.0, 0.2, 0.0, 0.1, 0.0, 0.15];
+        coherence.together = [0.1, 0.1, 0.0, 0.1, 0.0, 0.2, 0.0, 0.1, 0.0];
+        for m in [0, 4, 7] {
+            coherence.amplitudes[m] = 0.08;
+        }
+        coherence.periodic = periodic;
         let frames = [(0.0, 1.0), (1.0, 0.8), (2.5, 0.0), (4.0, 1.0), (5.0, 0.6)];
         let mut anchor = Anchor::new();
         anchor.found(frames[0].1, frames[0].0);
         for &(time, s) in &frames[1..] {
-            anchor.join(&mixture, 1.0, s, time);
+            anchor.join(&coherence, 1.0, s, time);
         }
-        let h = |t: f64, u: f64| if t == u { 1.0 } else { mixture.at((t - u).abs()) };
+        let h = |t: f64, u: f64| if t == u { 1.0 } else { coherence.at((t - u).abs()) };
         let pair = |&(t, s): &(f64, f64), &(u, r): &(f64, f64)| s * r * s * r * h(t, u);
         // A frame of quality s has the power 1, of which s^2 follows the model.
         let own: f64 = frames.iter().map(|&(_, s)| s * s - s * s * s * s).sum();
         let power: f64 = frames.iter().flat_map(|f| frames.iter().map(move |g| pair(f, g))).sum();
         assert!((anchor.power - power - own).abs() < 1e-12, "{} {power}", anchor.power);
         let expected: f64 = frames.iter().map(|&(t, s)| s * s * h(7.0, t)).sum();
-        let got = dot(&mixture.shares, &anchor.factors(&mixture, 7.0)) * libm::sqrt(anchor.power);
+        let got = coherence.of(&anchor.factors(&coherence, 7.0)) * libm::sqrt(anchor.power);
         assert!((got - expected).abs() < 1e-12, "{got} {expected}");
         assert!((anchor.weight - 3.0).abs() < 1e-12, "1 + 0.64 + 1 + 0.36");
         anchor.forget();
-        assert_eq!(anchor.factors(&mixture, 8.0), [0.0; 4]);
+        assert_eq!(coherence.of(&anchor.factors(&coherence, 8.0)), 0.0);
         assert!(anchor.take_stale() && !anchor.take_stale());
+    }
+
+    #[test]
+    fn a_few_numbers_stand_for_all_frames() {
+        stands_for_all_frames(false);
+        stands_for_all_frames(true);
     }
 }

@@ -1,7 +1,7 @@
 //! How a new frame finds its place: first phase, quality, links to its predecessors.
 
 use super::nodes::{Node, zero};
-use super::{Tracker, start};
+use super::{Tracker, equations, start};
 use crate::quality::{USABLE, quality_of_one};
 use crate::scalar::Real;
 use crate::square::{Square, dot};
@@ -10,7 +10,7 @@ use crate::storage::Matrix;
 /// Variance of the regression is not taken for smaller.
 const SMALLEST_VARIANCE: f64 = 0.01;
 
-impl<T: Real, const NODES: usize> Tracker<T, NODES> {
+impl<T: Real, const NODES: usize, const M: usize> Tracker<T, NODES, M> {
     /// First phase and quality of the newest node.
     pub(super) fn begin(&mut self, newest: usize) {
         self.guess(newest);
@@ -61,7 +61,7 @@ impl<T: Real, const NODES: usize> Tracker<T, NODES> {
         let any = before.iter().any(is_usable);
         let witnesses = before.iter().enumerate().filter(|(_, other)| !any || is_usable(other));
         let pairs = witnesses.map(|(j, other)| {
-            let model = self.memory.mixture.at(T::from_f64(node.clock - other.clock));
+            let model = self.memory.coherence.at(T::from_f64(node.clock - other.clock));
             (aligned.coherence(newest, first + j), model, other.weight())
         });
         let quality = quality_of_one(pairs, self.settings.looks);
@@ -88,7 +88,9 @@ impl<T: Real, const NODES: usize> Tracker<T, NODES> {
 
     /// Learn, link the newest node to its predecessors and move all phases. Returns 2 L times its variance.
     pub(super) fn link(&mut self, newest: usize) -> T {
-        self.memory.fit(&self.nodes, &self.nodes.aligned());
+        let gain = T::from_f64(equations::gain_for(self.settings.looks));
+        let gain = self.settings.periodic.then_some(gain);
+        self.memory.fit(&self.nodes, &self.nodes.aligned(), gain);
         let mut data = Matrix::<T, NODES, NODES>::filled(T::zero());
         let gamma = self.model(&mut data);
         let (a, d) = self.regress(&gamma, newest);
@@ -107,7 +109,7 @@ impl<T: Real, const NODES: usize> Tracker<T, NODES> {
     pub(super) fn keep_anchor(&mut self, newest: usize) {
         let Some(node) = self.nodes.window().last() else { return };
         if self.nodes.is_anchored() && node.quality > T::from_f64(USABLE) {
-            let factors = self.anchor.factors(&self.memory.mixture, node.clock);
+            let factors = self.anchor.factors(&self.memory.coherence, node.clock);
             let coherence = self.nodes.aligned().coherence(0, newest) / node.quality;
             let weight = T::from_f64(self.settings.anchor_weight);
             self.memory.keep_anchor(&factors, coherence, weight);

@@ -16,6 +16,7 @@
 //! A rate that grows makes a series of jumps; to one that falls the fitted decays adapt.
 
 use super::Tracker;
+use super::terms::Coherence;
 use crate::coherence::information;
 use crate::quality::USABLE;
 use crate::scalar::Real;
@@ -23,7 +24,7 @@ use crate::scalar::Real;
 /// Gain in log likelihood from which on a jump is taken.
 const GAIN: f64 = 4.0;
 
-impl<T: Real, const NODES: usize> Tracker<T, NODES> {
+impl<T: Real, const NODES: usize, const M: usize> Tracker<T, NODES, M> {
     /// With the newest frame: was the one before it bad, or did the pattern jump before it?
     ///
     /// A frame that is not usable stays as it is, and so does one with which the newest has nothing in common: of two
@@ -31,7 +32,7 @@ impl<T: Real, const NODES: usize> Tracker<T, NODES> {
     pub(super) fn reconsider(&mut self, newest: usize) {
         let Some(jump) = self.jump() else { return };
         let Some(suspect) = newest.checked_sub(1) else { return };
-        let expected = self.memory.mixture.at(self.lag_of_newest());
+        let expected = self.memory.coherence.at(self.lag_of_newest());
         let common = self.nodes.aligned().coherence(newest, suspect);
         let agrees = common > T::from_f64(USABLE) * expected;
         if agrees && self.gain(jump, newest) > T::from_f64(GAIN) {
@@ -43,13 +44,16 @@ impl<T: Real, const NODES: usize> Tracker<T, NODES> {
         }
     }
 
-    /// The jump that explains the quality of the last frame but one, if there is anything to explain and h falls so far.
+    /// The jump that explains the quality of the last frame but one, if there is anything to explain and h falls so far. An h
+    /// that comes back has no lag of its own for each value.
     fn jump(&self) -> Option<T> {
         let [.., before, suspect, _] = self.nodes.window() else { return None };
         if suspect.weight() <= T::from_f64(USABLE) || suspect.weight() >= T::one() {
             return None;
         }
-        let mixture = &self.memory.mixture;
+        let Coherence { mixture, periodic: false, .. } = &self.memory.coherence else {
+            return None;
+        };
         let step = T::from_f64(suspect.clock - before.clock);
         let longest = T::from_f64(self.settings.longest_for(Self::WINDOW));
         let left = suspect.weight() * mixture.at(step);
@@ -68,11 +72,11 @@ impl<T: Real, const NODES: usize> Tracker<T, NODES> {
         let mut gain = T::zero();
         for (j, other) in before.iter().enumerate() {
             let lag = T::from_f64(node.clock - other.clock);
-            let h = self.memory.mixture.at(lag);
+            let h = self.memory.coherence.at(lag);
             let with_jump = if j + 1 == before.len() {
                 h
             } else {
-                self.memory.mixture.at(lag + jump) * other.weight()
+                self.memory.coherence.at(lag + jump) * other.weight()
             };
             let seen = aligned.coherence(newest, first + j);
             gain += misfit(seen, h * other.weight()) - misfit(seen, with_jump);
@@ -83,48 +87,30 @@ impl<T: Real, const NODES: usize> Tracker<T, NODES> {
 
 #[cfg(test)]
 mod tests {
-    use crate::tracker::testing::Speckle;
+    use crate::tracker::testing::{self, FRAMES, Speckle, truth};
     use crate::tracker::{FieldTracker, NODES, TrackerSettings};
 
     const LOOKS: usize = 100;
-    const FRAMES: usize = 70;
-
-    /// Phase of a frame, rad.
-    fn truth(frame: usize) -> f64 {
-        0.1 * frame as f64 + 0.3 * libm::sin(0.2 * frame as f64)
-    }
-
+    /// The defaults, or without jumps and cosines, as the trigger board has them.
     fn settings(jumps: bool) -> TrackerSettings {
         let settings = TrackerSettings::for_looks(LOOKS as f64, 1.0);
-        TrackerSettings { reference_frames: 1, jumps, ..settings }
+        TrackerSettings { reference_frames: 1, jumps, periodic: jumps, ..settings }
     }
 
     /// Rms error of the newest phase over the bound, and of all phases over what is said of them; `rho` is the coherence
     /// of a frame with the one before it. Scatterers walk, so the bound is the sum over the steps,
     /// (1 - rho^2) / (2 L rho^2).
     fn errors(name: &str, rho: impl Fn(usize) -> f64, jumps: bool) -> (f64, f64) {
-        const RUNS: u64 = 100;
         let step = |frame: usize| (rho(frame).powi(-2) - 1.0) / (2.0 * LOOKS as f64);
         let bound: f64 = (1..FRAMES).map(step).sum();
-        let (mut error, mut z) = (0.0, 0.0);
-        for seed in 0..RUNS {
-            let mut speckle = Speckle::<LOOKS>::new(seed, 1.0);
-            let mut tracker = FieldTracker::<f64, LOOKS, NODES>::new(settings(jumps)).unwrap();
-            for frame in 0..FRAMES {
+        let (error, z) = testing::errors(settings(jumps), 100, |seed| {
+            let (mut speckle, rho) = (Speckle::<LOOKS>::new(seed, 1.0), &rho);
+            move |frame| {
                 speckle.decay(rho(frame));
-                let field = speckle.frame(truth(frame), 0.0);
-                let newest = tracker.push(&field, frame as f64, |_| ()).unwrap();
-                let off = newest.phase_rad - truth(frame) + truth(0);
-                if frame > 0 {
-                    z += (off / newest.sigma_rad).powi(2);
-                }
-                if frame + 1 == FRAMES {
-                    error += off * off;
-                }
+                speckle.frame(truth(frame), 0.0)
             }
-        }
-        let runs = RUNS as f64;
-        let (error, z) = (libm::sqrt(error / bound / runs), libm::sqrt(z / runs / 69.0));
+        });
+        let error = error / libm::sqrt(bound);
         std::println!("{name:12} jumps {jumps:5}: {error:.2} of the bound, z {z:.2}");
         (error, z)
     }

@@ -1,6 +1,6 @@
 //! Fields in, phases out: a tracker that keeps the fields of its nodes.
 
-use super::{Absorb, Estimate, Tracker, TrackerSettings};
+use super::{Absorb, COSINES, Estimate, Tracker, TrackerSettings};
 use crate::cross_spectrum::{dark_if_not_finite, times_conjugate};
 use crate::error::Error;
 use crate::linking::turn;
@@ -18,15 +18,17 @@ type Field<T, const PIXELS: usize> = Vec<Complex<T>, PIXELS>;
 /// Memory: that of the tracker and `NODES` complex fields. A frame costs `NODES` complex multiply-adds per
 /// pixel, and the tracker's own work, which does not depend on the pixels.
 #[derive(Clone, Debug)]
-pub struct FieldTracker<T, const PIXELS: usize, const NODES: usize> {
-    tracker: Tracker<T, NODES>,
+pub struct FieldTracker<T, const PIXELS: usize, const NODES: usize, const M: usize = COSINES> {
+    tracker: Tracker<T, NODES, M>,
     /// A; empty before there is one.
     anchor: Field<T, PIXELS>,
     /// Oldest first.
     window: Deque<Field<T, PIXELS>, NODES>,
 }
 
-impl<T: Real, const PIXELS: usize, const NODES: usize> FieldTracker<T, PIXELS, NODES> {
+impl<T: Real, const PIXELS: usize, const NODES: usize, const M: usize>
+    FieldTracker<T, PIXELS, NODES, M>
+{
     /// No frames yet.
     ///
     /// # Errors
@@ -38,7 +40,7 @@ impl<T: Real, const PIXELS: usize, const NODES: usize> FieldTracker<T, PIXELS, N
 
     /// The tracker: its coherence model, how many frames it has seen.
     #[must_use]
-    pub const fn tracker(&self) -> &Tracker<T, NODES> {
+    pub const fn tracker(&self) -> &Tracker<T, NODES, M> {
         &self.tracker
     }
 

@@ -12,7 +12,7 @@ use crate::scalar::Real;
 /// Strength with which the mean is held, in units of 2 L.
 const HOLD: f64 = 1e4;
 
-impl<T: Real, const NODES: usize> Tracker<T, NODES> {
+impl<T: Real, const NODES: usize, const M: usize> Tracker<T, NODES, M> {
     /// Before a reference frame: hold the mean of those before no longer.
     pub(super) fn release_references(&mut self) {
         if self.frames > 0 && self.frames < self.settings.reference_frames {

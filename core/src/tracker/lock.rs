@@ -15,7 +15,7 @@ const AGREEMENT: f64 = 0.35;
 /// Squared coherence, times L, below which two frames agree by chance.
 const CHANCE: f64 = 5.0;
 
-impl<T: Real, const NODES: usize> Tracker<T, NODES> {
+impl<T: Real, const NODES: usize, const M: usize> Tracker<T, NODES, M> {
     /// Have the two newest frames nothing to do with those before, but with each other?
     pub(super) fn is_lock_lost(&self, newest: usize) -> bool {
         let [_, _, _, .., before, last] = self.nodes.window() else { return false };
@@ -25,7 +25,7 @@ impl<T: Real, const NODES: usize> Tracker<T, NODES> {
         let chance = 1.0 / self.settings.looks;
         let square =
             self.nodes.coherence_squared(newest, newest.saturating_sub(1)) - T::from_f64(chance);
-        let expected = self.memory.mixture.at(self.lag_of_newest());
+        let expected = self.memory.coherence.at(self.lag_of_newest());
         let agreement = T::from_f64(AGREEMENT) * expected * expected;
         square > agreement.max(T::from_f64(CHANCE * chance))
     }

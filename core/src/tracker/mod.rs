@@ -11,7 +11,7 @@
 //! start        phi_i = arg sum over j of a_j gamma_ij exp(i phi_j), next to where it is expected
 //! quality      s_i from the coherences with the window (`quality::quality_of_one`)
 //! clock        was the frame before bad, or did the pattern jump before it?
-//! decays       h fitted to the window and to what is remembered of all frames before
+//! coherence    h fitted to the window and to what is remembered of all frames before
 //! weights      Q <- Q + v v^T / d,   v = (-a, 1)
 //! scoring      phi <- phi + H^-1 g, `passes` times: all phases of the window move
 //! ```
@@ -29,9 +29,13 @@
 //! long as the reference frames are in the window (N_0 is at most the window). While there are
 //! fewer than N_0 frames it is the mean of the usable ones so far; N_0 = 1 refers to the first
 //! frame. The figure is that of the fitted model; where the decorrelation rate grows along the series, it would
-//! be half of what it should be without the jumps of the clock ([`TrackerSettings::jumps`]). Periodic coherence, which a
-//! mixture of decays cannot follow, costs up to three times the bound. At perfect coherence the model's noise of
-//! 0.5 % leaves a few mrad.
+//! be half of what it should be without the jumps of the clock ([`TrackerSettings::jumps`]). At perfect coherence the
+//! model's noise of 0.5 % leaves a few mrad.
+//!
+//! **Coherence that comes back**, as with a pulse or a vibration, is followed by cosines beside the decays
+//! ([`TrackerSettings::periodic`]). Errors still are up to twice the bound: cosines are used from where they gain more than
+//! they could by chance or with a rate that varies, and the anchor averages periodic parts away. Decays alone lose more,
+//! with short periods much more.
 //!
 //! **Long runs.** In `f32` the anchor takes no more frames in after 2^24 (`anchor_memory` below 1 keeps it
 //! young), and phases beyond 1000 rad have lost the fourth decimal.
@@ -39,6 +43,7 @@
 mod anchor;
 mod arrival;
 mod clock;
+mod equations;
 mod fields;
 mod filter;
 mod gauge;
@@ -48,12 +53,13 @@ mod memory;
 mod nodes;
 mod settings;
 mod start;
+mod terms;
 #[cfg(test)]
 pub(crate) mod testing;
 
 pub use fields::FieldTracker;
-pub use memory::DECAYS;
 pub use settings::TrackerSettings;
+pub use terms::{COSINES, DECAYS};
 
 use crate::coherence::Mixture;
 use crate::error::Error;
@@ -129,21 +135,23 @@ impl<T: Copy> Absorb<T> {
 /// window, oldest first. For each frame call [`Self::absorb`], do with the fields as it says, then
 /// [`Self::push`].
 ///
-/// Memory: 3 NODES^2 + 5 NODES + 119 numbers, and two times and a flag per node: 4.8 kB in `f32` at B = 16. A frame
-/// needs two more matrices, 2 NODES^2 numbers, and some rows on the stack.
+/// Its model of the coherence has `M` cosines beside the [`DECAYS`]: [`COSINES`], or 0, which needs less memory.
+///
+/// Memory: 3 NODES^2 + 5 NODES + 128 + M (M + 14) numbers, and two times and a flag per node: in `f32` at B = 16 6.1 kB, or
+/// 4.9 kB without cosines. A frame needs two more matrices, 2 NODES^2 numbers, and some rows on the stack.
 #[derive(Clone, Debug)]
-pub struct Tracker<T, const NODES: usize> {
+pub struct Tracker<T, const NODES: usize, const M: usize = COSINES> {
     settings: TrackerSettings,
     frames: usize,
     /// Has there been a usable reference frame?
     referred: bool,
     nodes: Nodes<T, NODES>,
     filter: Filter<T, NODES>,
-    memory: Memory<T>,
-    anchor: Anchor<T, DECAYS>,
+    memory: Memory<T, M>,
+    anchor: Anchor<T, M>,
 }
 
-impl<T: Real, const NODES: usize> Tracker<T, NODES> {
+impl<T: Real, const NODES: usize, const M: usize> Tracker<T, NODES, M> {
     /// B: frames of the window.
     pub const WINDOW: usize = NODES - 1;
 
@@ -177,10 +185,10 @@ impl<T: Real, const NODES: usize> Tracker<T, NODES> {
         self.nodes.count()
     }
 
-    /// h, as learnt so far.
+    /// The decays of h, as learnt so far; if cosines are used, as they would be without.
     #[must_use]
     pub const fn mixture(&self) -> &Mixture<T, DECAYS> {
-        &self.memory.mixture
+        &self.memory.coherence.mixture
     }
 
     /// Would a frame at this time be accepted?
@@ -238,7 +246,7 @@ impl<T: Real, const NODES: usize> Tracker<T, NODES> {
         let anchor_factor = times(conjugate(anchor), kept);
         let oldest_factor = times(factor, weight);
         self.nodes.join_anchor(anchor_factor, oldest_factor);
-        let beta = self.anchor.join(&self.memory.mixture, memory, weight, time);
+        let beta = self.anchor.join(&self.memory.coherence, memory, weight, time);
         self.filter.merge(beta);
         (anchor_factor, oldest_factor)
     }
@@ -339,9 +347,11 @@ mod tests {
     #[test]
     fn a_window_of_sixteen_frames_takes_few_kilobytes() {
         let (single, double) = (size_of::<Tracker<f32, NODES>>(), size_of::<Tracker<f64, NODES>>());
-        std::println!("{single} bytes in f32, {double} in f64");
-        assert!(single < 4900, "{single}");
-        assert!(double < 9200, "{double}");
+        let without = size_of::<Tracker<f32, NODES, 0>>();
+        std::println!("{single} bytes in f32, {double} in f64, {without} in f32 without cosines");
+        assert!(single < 6200, "{single}");
+        assert!(double < 11800, "{double}");
+        assert!(without < 4900, "{without}");
     }
 
     #[test]

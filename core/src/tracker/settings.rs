@@ -34,6 +34,9 @@ pub struct TrackerSettings {
     /// May the speckle move on by more from one frame to the next than the times say (a jump, a rate that varies)? A frame
     /// of low quality with which the next one agrees then counts as good and late.
     pub jumps: bool,
+    /// May the pattern come back, as with a pulse or a vibration (periods of 6 intervals and more)? Cosines then join the decays where
+    /// these cannot follow. A tracker that has none ([`Tracker`](super::Tracker)) does without whatever this says.
+    pub periodic: bool,
 }
 
 impl TrackerSettings {
@@ -52,6 +55,7 @@ impl TrackerSettings {
             anchor_memory: 1.0,
             anchor_weight: 4.0,
             jumps: true,
+            periodic: true,
         }
     }
 

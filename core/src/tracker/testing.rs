@@ -1,6 +1,7 @@
 //! Simulated speckle, the same on every run.
 
 use crate::scalar::Real;
+use crate::tracker::{FieldTracker, NODES, TrackerSettings};
 use num_complex::Complex;
 
 /// Circular Gaussian speckle of `P` independent pixels that falls apart by a factor `rho` per frame.
@@ -57,4 +58,39 @@ impl<const P: usize> Speckle<P> {
         self.state ^= self.state << 17;
         (self.state >> 11) as f64 / (1_u64 << 53) as f64
     }
+}
+
+/// Frames of a series that is scored.
+pub(crate) const FRAMES: usize = 70;
+
+/// Phase of a frame of such a series, rad.
+pub(crate) fn truth(frame: usize) -> f64 {
+    0.1 * frame as f64 + 0.3 * libm::sin(0.2 * frame as f64)
+}
+
+/// Rms error of the last phase against the first frame, rad, and of all phases over what is said of them; the fields come
+/// from `series`, one function of the frame for each seed.
+pub(crate) fn errors<const LOOKS: usize, F: FnMut(usize) -> [Complex<f64>; LOOKS]>(
+    settings: TrackerSettings,
+    runs: u64,
+    series: impl Fn(u64) -> F,
+) -> (f64, f64) {
+    let settings = TrackerSettings { reference_frames: 1, ..settings };
+    let (mut error, mut z) = (0.0, 0.0);
+    for seed in 0..runs {
+        let mut field = series(seed);
+        let mut tracker = FieldTracker::<f64, LOOKS, NODES>::new(settings).unwrap();
+        for frame in 0..FRAMES {
+            let newest = tracker.push(&field(frame), frame as f64, |_| ()).unwrap();
+            let off = newest.phase_rad - truth(frame) + truth(0);
+            if frame > 0 {
+                z += (off / newest.sigma_rad).powi(2);
+            }
+            if frame + 1 == FRAMES {
+                error += off * off;
+            }
+        }
+    }
+    let runs = runs as f64;
+    (libm::sqrt(error / runs), libm::sqrt(z / runs / (FRAMES - 1) as f64))
 }
