@@ -14,7 +14,7 @@ const LEAST: f64 = 1e-9;
 /// Q_ij Gamma_ij, Q = Gamma^-1 (its rows sum to 0: only phase differences are seen).
 ///
 /// For L independent looks the Cramer-Rao bound is var(e^T phi) >= e^T (2 L F)^+ e
-/// (Guarnieri & Tebaldini, IEEE TGRS 45, 2007; X = 2 L (Gamma o Gamma^-1 - 1)).
+/// (Guarnieri & Tebaldini, IEEE Signal Process. Lett. 14, 2007; X = 2 L (Gamma o Gamma^-1 - 1)).
 pub fn information<T: Real>(
     gamma: &Square<'_, T>,
     precision: &Square<'_, T>,

@@ -21,6 +21,8 @@ fn the_walk_keeps_the_law_where_the_direct_difference_is_noise() {
     assert!(last.slope_z_rad_per_mm.abs() < DISK_SLOPE_Z, "{last:?}");
     assert!(last.r_squared > 0.99, "{last:?}");
     assert!((last.direct_residual_rad - RANDOM_RAD).abs() < DISK_RANDOM_RAD, "{last:?}");
+    assert!((last.linked_slope_x_rad_per_mm - LAW_RAD_PER_MM).abs() < DISK_SLOPE_X, "{last:?}");
+    assert!(last.linked_slope_z_rad_per_mm.abs() < DISK_SLOPE_Z, "{last:?}");
     // While the speckle still holds, both measure the same.
     let first = disk.step(1).unwrap();
     assert!((first.slope_x_rad_per_mm - LAW_RAD_PER_MM / 31.0).abs() < DISK_SLOPE_X / 10.0);
