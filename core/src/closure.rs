@@ -1,6 +1,6 @@
 //! Do linked phases close? A goodness of fit from the closure phases of a series.
 //!
-//! The model says that phase and coherence are separate: E[gamma_ij] = Gamma_ij exp(i (phi_i - phi_j)), so that the
+//! The model says that phase and coherence are separate: ⟨gamma_ij⟩ = Gamma_ij exp(i (phi_i - phi_j)), so that the
 //! phase of a frame is the same whichever partner tells it, and around any triangle of frames the phases sum to 0.
 //! Where populations of scatterers move differently this fails: pairs that are still coherent tell another phase
 //! than those that hardly are. With r_ij = conj(z_i) gamma_ij z_j of the linked phases (De Zan, Zonno & Lopez-Dekker,
@@ -17,7 +17,7 @@
 //! needs no L: a phase that depends on the coherence of the pair, to first order
 //!
 //! ```text
-//! arg E[gamma_ij] = (phi_i - phi_j) + (psi_i - psi_j) ln Gamma_ij
+//! arg ⟨gamma_ij⟩ = (phi_i - phi_j) + (psi_i - psi_j) ln Gamma_ij
 //! E_k  = D_ij (b_i - b_j) - Gamma_ij (h_i - h_j)    D = Gamma ln Gamma, b_i = cos(pi k (i + 1/2) / N), k = 1 ... 4
 //! W_k  = Q E_k Q                                     orthonormal: sum of W_k o E_l = L delta_kl
 //! x_k  = sum of W_k o Y                              independent, standard normal
