@@ -14,7 +14,7 @@ use phasewalk::simulate::SpeckleScene;
 
 const SIDE: usize = 160;
 const FRAMES: usize = 70;
-/// Discs of 113 and of 391 pixels.
+/// Discs of 109 and of 385 pixels.
 const RADII: [f64; 2] = [6.0, 11.14];
 /// Middles (y, x) of the four gaps between the arms of the x.
 const PLACES: [[f64; 2]; 4] = [[80.0, 26.0], [80.0, 134.0], [26.0, 80.0], [134.0, 80.0]];

@@ -76,10 +76,7 @@ impl Task<'_> {
             files.push(figure.finish(&self.draw(&rows, result, control))?);
         }
         if bridged > 0 && !self.common.json {
-            let frames = self.plan.frames();
-            print(&format!(
-                "{bridged} of {frames} frames have no pair above random phases: bridged"
-            ));
+            print(&self.without_phase(bridged));
         }
         let less = control.map(|c| format!(" less {}", c.in_words())).unwrap_or_default();
         self.report(&format!("{}{less}", result.in_words()), facts, &files);
@@ -87,6 +84,19 @@ impl Task<'_> {
             print(&closure::in_words(closure, region));
         }
         Ok(())
+    }
+
+    /// So many frames have no phase of their own.
+    fn without_phase(&self, count: usize) -> String {
+        let frames = self.plan.frames();
+        let references = self.plan.params.reference_frames;
+        match self.plan.method {
+            Method::Linked if count == frames => format!(
+                "no standard deviation is known: none of the first {references} frames, which phases refer to, is usable"
+            ),
+            Method::Linked => format!("{count} of {frames} frames have no usable phase: nan"),
+            _ => format!("{count} of {frames} frames have no pair above random phases: bridged"),
+        }
     }
 
     /// The curve of all frames with the direct difference.

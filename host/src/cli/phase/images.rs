@@ -126,8 +126,12 @@ impl Task<'_> {
         }
         facts.insert("pixels_without_weight".to_owned(), json!(unmeasured));
         if !self.common.json {
-            let without = (unmeasured > 0)
-                .then(|| format!("{unmeasured} pixels have no pair above random phases: 0 there"));
+            let there = if self.plan.method == Method::Linked {
+                "no usable frame: nan there"
+            } else {
+                "no pair above random phases: 0 there"
+            };
+            let without = (unmeasured > 0).then(|| format!("{unmeasured} pixels have {there}"));
             let map = map.map(|map| map.in_words());
             let closure = closure.map(|closure| closure::map_in_words(&closure));
             for line in [map, closure, without].into_iter().flatten() {
