@@ -91,8 +91,7 @@ pub fn sandwich<T: Real>(
 ) {
     b.fill_with(|_, _| T::zero());
     add_score_covariance(precision, aligned, looks, b, a, out);
-    a.fill_with(|i, j| precision.at(i, j) * aligned.at(i, j));
-    enclose(out, a, b);
+    enclose(precision, aligned, out, a, b);
 }
 
 /// Share of the first of two layers in the decay of the product of their coherences, from their squared
@@ -126,14 +125,13 @@ pub fn layered_sandwich<T: Real>(
         (positive.ln() * T::from_f64(exponent)).exp()
     };
     b.fill_with(|_, _| T::zero());
-    for share in [share, 1.0 - share] {
-        own.fill_with(|i, j| power(i, j, share));
-        seen.fill_with(|i, j| precision.at(i, j) * power(i, j, 1.0 - share));
+    for (own_share, other_share) in [(share, 1.0 - share), (1.0 - share, share)] {
+        own.fill_with(|i, j| power(i, j, own_share));
+        seen.fill_with(|i, j| precision.at(i, j) * power(i, j, other_share));
         add_score_covariance(seen, own, looks, b, a, out);
     }
     add_score_covariance(precision, gamma, looks * window_looks, b, a, out);
-    a.fill_with(|i, j| precision.at(i, j) * gamma.at(i, j));
-    enclose(out, a, b);
+    enclose(precision, gamma, out, a, b);
 }
 
 /// sum <- sum + (2/L) (R o (P R P) - (R P) o (P R)); `a` and `c` are scratch.
@@ -157,9 +155,16 @@ fn add_score_covariance<T: Real>(
     }
 }
 
-/// out = A^-1 B A^-1, A the Laplacian of twice what is in `a`; both are scratch afterwards.
-fn enclose<T: Real>(out: &mut Square<'_, T>, a: &mut Square<'_, T>, b: &mut Square<'_, T>) {
-    scale(a, 2.0);
+/// out = A^-1 B A^-1 with A = Laplacian of 2 Q o R; `a` and `b`, which holds B, are scratch afterwards.
+fn enclose<T: Real>(
+    precision: &Square<'_, T>,
+    coherence: &Square<'_, T>,
+    out: &mut Square<'_, T>,
+    a: &mut Square<'_, T>,
+    b: &mut Square<'_, T>,
+) {
+    let two = T::from_f64(2.0);
+    a.fill_with(|i, j| two * precision.at(i, j) * coherence.at(i, j));
     a.make_laplacian();
     tie_neighbours(a, T::from_f64(2.0 * TIE));
     invert_laplacian(a);
