@@ -24,7 +24,7 @@ use crate::coherence::{Lag, Mixture};
 use crate::model::{self, Model, take};
 use crate::prior::{acceleration_prior, add_prior, pull_of};
 use crate::quality::USABLE;
-use crate::reference::subtract_reference;
+use crate::reference::{reference_span, subtract_reference};
 use crate::scalar::{Real, Scalar};
 use crate::square::{Square, dot};
 use crate::weights::unit_phasor;
@@ -102,7 +102,8 @@ pub fn start_phasor<T: Scalar>(sum: Complex<T>, before: Complex<T>) -> Complex<T
 pub struct Settings {
     /// L: effective looks behind each ⟨C⟩, above 1.
     pub looks: f64,
-    /// N_0: the phase is reported against the mean of the first so many frames.
+    /// N_0: the phase is reported against the mean of the usable ones of the first so many frames, and where there is
+    /// none, of the first so many usable frames.
     pub reference_frames: usize,
     /// Standard deviation of the phase's second derivative, rad per (unit of time)^2, independent from one
     /// mean interval to the next: known beforehand, if at all.
@@ -136,8 +137,7 @@ impl<T> Buffers<'_, T> {
 pub struct Results<'a, T> {
     /// Phase against the mean of the usable reference frames, rad; NaN for frames that are not usable.
     pub phases: &'a mut [T],
-    /// Standard deviation of that, rad; infinite for frames that are not usable, and for all if no
-    /// reference frame is.
+    /// Standard deviation of that, rad; infinite for frames that are not usable.
     pub sigmas: &'a mut [T],
     /// s_i, 0..=1; usable above 0.3.
     pub quality: &'a mut [T],
@@ -372,7 +372,7 @@ impl<T: Real> Link<'_, '_, T> {
             self.apply_prior(model, acceleration);
         }
         self.fill_sigmas(sigmas);
-        subtract_reference(self.phases, self.work.usable, self.settings.reference_frames);
+        subtract_reference(self.phases, self.work.usable, self.references());
         let results = self.phases.iter_mut().zip(sigmas).zip(self.work.usable.iter());
         for ((phase, sigma), &usable) in results {
             if usable <= T::zero() {
@@ -380,6 +380,11 @@ impl<T: Real> Link<'_, '_, T> {
                 *sigma = T::from_f64(f64::INFINITY);
             }
         }
+    }
+
+    /// How many leading frames hold the reference.
+    fn references(&self) -> usize {
+        reference_span(self.work.usable, self.settings.reference_frames)
     }
 
     /// Scoring with the quadratic penalty phi^T P phi / 2 of the accelerations.
@@ -401,7 +406,7 @@ impl<T: Real> Link<'_, '_, T> {
 
     /// The larger of the model's standard deviation and that of the sandwich.
     fn fill_sigmas(&mut self, sigmas: &mut [T]) {
-        let references = self.settings.reference_frames;
+        let references = self.references();
         scale(&mut self.work.inverse, 0.5 / self.settings.looks);
         let with_prior = self.settings.acceleration.is_some();
         if !with_prior {

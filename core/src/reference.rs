@@ -1,6 +1,6 @@
 //! The initial value: the mean phase of the first frames is taken for zero.
 
-use crate::scalar::Scalar;
+use crate::scalar::{Real, Scalar};
 
 /// phi_i <- phi_i - 1/N_0 * sum over j < N_0 of phi_j (paper lines 945-948).
 ///
@@ -19,6 +19,18 @@ pub fn subtract_reference<T: Scalar>(phases: &mut [T], valid: &[T], reference_fr
     for phase in phases {
         *phase = *phase - mean;
     }
+}
+
+/// How many leading frames hold the reference: N_0 of them, or, where none of these is usable (`usable` is 1 for
+/// frames that are, 0 for others), as many as hold the first N_0 usable ones. Without any usable frame N_0.
+#[must_use]
+pub fn reference_span<T: Real>(usable: &[T], reference_frames: usize) -> usize {
+    let counts = |u: &T| *u > T::zero();
+    if usable.iter().take(reference_frames).any(counts) {
+        return reference_frames;
+    }
+    let ends = usable.iter().enumerate().filter(|(_, u)| counts(u)).map(|(frame, _)| frame + 1);
+    ends.take(reference_frames).last().unwrap_or(reference_frames)
 }
 
 /// sum / count, and 0 where nothing was counted.
@@ -43,5 +55,14 @@ mod tests {
         let mut none = [1.0_f32, 3.0];
         subtract_reference(&mut none, &[0.0, 0.0], 5);
         assert_eq!(none, [1.0, 3.0]);
+    }
+
+    #[test]
+    fn without_a_usable_frame_the_next_usable_ones_are_the_reference() {
+        assert_eq!(reference_span(&[1.0, 0.0, 1.0, 1.0], 2), 2);
+        assert_eq!(reference_span(&[0.0, 1.0, 1.0, 1.0], 2), 2);
+        assert_eq!(reference_span(&[0.0, 0.0, 1.0, 0.0, 1.0, 1.0], 2), 5);
+        assert_eq!(reference_span(&[0.0, 0.0, 0.0, 1.0, 0.0], 2), 4);
+        assert_eq!(reference_span(&[0.0; 4], 2), 2);
     }
 }

@@ -11,7 +11,7 @@
 use num_complex::Complex32;
 use phasewalk::curve::{Region, curve};
 use phasewalk::error::Result;
-use phasewalk::io::Shape;
+use phasewalk::io::{Shape, without_rim};
 use phasewalk::looks::SpatialCoherence;
 use phasewalk::method::{Depths, Method, Plan};
 use phasewalk::progress::Progress;
@@ -21,7 +21,7 @@ use phasewalk_core::weights::Weighting;
 use std::time::Instant;
 
 const LAGS: [usize; 5] = [1, 2, 5, 10, 20];
-/// Pixels taken off the mask's edge for the second error.
+/// Pixels taken off the mask's edge, into which the aperture mixes light from outside, for the second error.
 const RIM: usize = 4;
 const METHODS: [(&str, Method); 5] = [
     ("direct", Method::Direct),
@@ -75,7 +75,7 @@ impl Summary {
         self.effective_looks += effective_looks;
         let truth = scene.true_phase_rad();
         self.truth_rad = truth[scene.frames - 1];
-        let inner = without_rim(&mask, scene.width);
+        let inner = without_rim(&mask, scene.width, RIM);
         for (i, (_, method)) in METHODS.iter().enumerate() {
             let (phase, sigma) = last_frame(&series, &survey, &mask, *method, effective_looks)?;
             self.squares[0][i] += (phase - self.truth_rad).powi(2);
@@ -137,17 +137,6 @@ fn simulate(scene: &SpeckleScene) -> Result<HeldSeries> {
     })?;
     let shape = Shape { frames: scene.frames, depth: 1, height: scene.height, width: scene.width };
     HeldSeries::new(shape, field)
-}
-
-/// The mask without the pixels within four of its edge, into which the aperture mixes light from
-/// outside.
-fn without_rim(mask: &[bool], width: usize) -> Vec<bool> {
-    let height = mask.len() / width;
-    let inside = |y: usize, x: usize| {
-        let (ys, xs) = (y.saturating_sub(RIM)..=y + RIM, x.saturating_sub(RIM)..=x + RIM);
-        ys.clone().all(|y| xs.clone().all(|x| y < height && x < width && mask[y * width + x]))
-    };
-    (0..mask.len()).map(|i| inside(i / width, i % width)).collect()
 }
 
 /// Phase and standard deviation at the last frame, radians.

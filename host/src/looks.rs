@@ -121,7 +121,8 @@ impl SpatialCoherence {
                 squared_coherence(fields, width, dy as usize, dx)
             })
             .collect();
-        let mirrored = squared.iter().rev().zip(&squared).map(|(&a, &b)| a.max(b)).collect();
+        let half = squared.len() / 2;
+        let mirrored = (0..squared.len()).map(|i| squared[i.max(2 * half - i)]).collect();
         Self { reach, squared: mirrored }
     }
 
@@ -153,7 +154,7 @@ impl SpatialCoherence {
             };
             chosen.iter().filter(inside).count() as f64
         };
-        effective_looks(self.distances().map(|(dy, dx, s)| partners(dy, dx) * s / (count * count)))
+        self.looks_of(|dy, dx| partners(dy, dx) / (count * count))
     }
 
     /// The smallest square whose mean has at least `looks` independent looks, at most `limit` pixels wide, where each pixel
@@ -173,10 +174,18 @@ impl SpatialCoherence {
             (0..=self.reach as usize).map(|d| kernel.autocorrelation(d, side)).collect()
         };
         let (along_y, along_x) = (overlap(kernel.height), overlap(kernel.width));
-        effective_looks(
-            self.distances()
-                .map(|(dy, dx, s)| along_y[dy.unsigned_abs()] * along_x[dx.unsigned_abs()] * s),
-        )
+        self.looks_of(|dy, dx| along_y[dy.unsigned_abs()] * along_x[dx.unsigned_abs()])
+    }
+
+    /// Looks of a mean with the autocorrelation `overlap` of its weights. What chance adds to and takes from |mu|^2 at
+    /// the single distances cancels in the sum, which must not fall below that of independent pixels.
+    fn looks_of(&self, overlap: impl Fn(isize, isize) -> f64) -> f64 {
+        let (mut own, mut others) = (0.0, 0.0);
+        for (dy, dx, s) in self.distances() {
+            let sum = if (dy, dx) == (0, 0) { &mut own } else { &mut others };
+            *sum += overlap(dy, dx) * s;
+        }
+        effective_looks([own, others.max(0.0)].into_iter())
     }
 }
 
@@ -231,7 +240,7 @@ fn double(u: Complex32) -> Complex64 {
 
 /// |mu(dy, dx)|^2 over all pixels x whose partner x + d lies in the image, averaged over the fields (each
 /// by itself: a phase ramp that changes with time must not cancel) and freed of the 1/pixels that
-/// random phases leave; dy >= 0.
+/// random phases leave, so that by chance it may be negative; dy >= 0.
 fn squared_coherence(fields: &[Vec<Complex32>], width: usize, dy: usize, dx: isize) -> f64 {
     if (dy, dx) == (0, 0) {
         return 1.0;
@@ -257,5 +266,5 @@ fn squared_coherence_of(field: &[Complex32], width: usize, dy: usize, dx: isize)
     if here * there <= 0.0 {
         return 0.0;
     }
-    (cross.norm_sqr() / (here * there) - 1.0 / places as f64).max(0.0)
+    cross.norm_sqr() / (here * there) - 1.0 / places as f64
 }

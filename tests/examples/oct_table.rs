@@ -15,18 +15,34 @@ fn main() {
     }
     println!(
         "| preset | seed | a2 / a3, rad | dz dy dx, px | rotation, mrad | IS/OS / tips, px | curve, linked | \
-         curve, paper | curve, phasor | curve, direct | bad missed | good lost | dead missed / false |"
+         curve, paper | curve, phasor | curve, direct | wide rim off: linked, paper, phasor | bad missed | good lost | dead missed / false |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
     for preset in &presets {
         let scores: Vec<Scores> = (1..=seeds).map(|seed| row(preset, seed)).collect();
-        let curves: [fn(&Scores) -> CurveError; 4] =
-            [|s| s.linked, |s| s.paper, |s| s.phasor, |s| s.direct];
-        let summary = curves.map(|curve| {
-            let errors: Vec<CurveError> = scores.iter().map(curve).collect();
-            format!(" {} |", over_seeds(&errors))
-        });
-        println!("| {preset} | rms (end: mean ± deviation) | | | | |{} | | |", summary.concat());
+        let curves: [fn(&Scores) -> CurveError; 7] = [
+            |s| s.linked,
+            |s| s.paper,
+            |s| s.phasor,
+            |s| s.direct,
+            |s| s.inner[0],
+            |s| s.inner[1],
+            |s| s.inner[2],
+        ];
+        let summary = curves.map(|curve| over_seeds(&scores.iter().map(curve).collect::<Vec<_>>()));
+        let [linked, paper, phasor, direct, inner @ ..] = summary;
+        println!(
+            "| {preset} | rms (end: mean ± deviation) | | | | | {linked} | {paper} | {phasor} | {direct} | {} | | | |",
+            inner.join(", ")
+        );
+        let more = |other: fn(&Scores) -> [CurveError; 2]| more_than(&scores, other);
+        println!(
+            "{preset}: mean square of linked less that of paper {}, phasor {}; wide rim off: paper {}, phasor {} rad^2",
+            more(|s| [s.linked, s.paper]),
+            more(|s| [s.linked, s.phasor]),
+            more(|s| [s.inner[0], s.inner[1]]),
+            more(|s| [s.inner[0], s.inner[2]]),
+        );
     }
 }
 
@@ -41,6 +57,19 @@ fn over_seeds(errors: &[CurveError]) -> String {
     format!("{rms:.3} ({end:.3} ± {deviation:.3})")
 }
 
+/// By how much the first mean square exceeds the second, on the same recordings: mean over the seeds ± its standard
+/// error.
+fn more_than(scores: &[Scores], pair: fn(&Scores) -> [CurveError; 2]) -> String {
+    let count = scores.len() as f64;
+    let excess = |s: &Scores| {
+        let [first, second] = pair(s);
+        first.rms.powi(2) - second.rms.powi(2)
+    };
+    let mean = scores.iter().map(excess).sum::<f64>() / count;
+    let square = scores.iter().map(|s| (excess(s) - mean).powi(2)).sum::<f64>();
+    format!("{mean:+.4} ± {:.4}", (square / (count * (count - 1.0))).sqrt())
+}
+
 fn row(preset: &str, seed: u64) -> Scores {
     let bench = Bench::new();
     let sweep = if preset == "faulty" { "--sweep down" } else { "" };
@@ -52,12 +81,13 @@ fn row(preset: &str, seed: u64) -> Scores {
     let [missed, false_ones] = s.dead_pixels;
     println!(
         "| {preset} | {seed} | {a2:.2} / {a3:.2} | {dz:.3} {dy:.3} {dx:.3} | {:.2} | {isos:.3} / {tips:.3} | \
-         {:.3} | {:.3} | {:.3} | {:.3} | {:?} | {:?} | {missed} / {false_ones} |",
+         {:.3} | {:.3} | {:.3} | {:.3} | {} | {:?} | {:?} | {missed} / {false_ones} |",
         s.rotation * 1e3,
         s.linked.rms,
         s.paper.rms,
         s.phasor.rms,
         s.direct.rms,
+        s.inner.map(|error| format!("{:.3}", error.rms)).join(", "),
         s.bad_missed,
         s.good_lost
     );

@@ -10,7 +10,9 @@ use zarrs::filesystem::FilesystemStore;
 /// Sweeps that the curve's phase refers to.
 const REFERENCE_SWEEPS: usize = 5;
 /// The unstimulated rim bleeds in through the aperture: so many pixels of the mask are left out.
-const ERODED_PX: usize = 2;
+const RIM_PX: usize = 2;
+/// So many that nothing of it is left.
+const WIDE_RIM_PX: usize = 5;
 
 /// How far a curve is from the truth.
 #[derive(Clone, Copy, Debug)]
@@ -40,6 +42,8 @@ pub struct Scores {
     pub direct: CurveError,
     /// The paper's method on unit phasors.
     pub phasor: CurveError,
+    /// Linked, paper's method and phasors without a wide rim.
+    pub inner: [CurveError; 3],
     /// Sweeps taken for good that are bad.
     pub bad_missed: Vec<usize>,
     /// Sweeps taken for bad that are good.
@@ -92,25 +96,30 @@ pub fn compare(bench: &Bench) -> Scores {
     let differ = |test: fn(f64, f64) -> bool| {
         dead.iter().zip(&truly_dead).filter(|&(&a, &b)| test(a, b)).count()
     };
-    save_eroded(bench);
+    let error = |method: &str, rim: usize| curve_error(bench, method, rim, &used);
     Scores {
         dispersion: [0, 1].map(|i| (a[i] - b[i]).abs()),
         shift,
         rotation,
         surfaces: ["surface_isos_px", "surface_ost_px"].map(surface),
-        paper: curve_error(bench, "--method paper", &used),
-        linked: curve_error(bench, "--method linked", &used),
-        direct: curve_error(bench, "--method direct", &used),
-        phasor: curve_error(bench, "--method paper --ensemble phasor", &used),
+        paper: error(PAPER, RIM_PX),
+        linked: error(LINKED, RIM_PX),
+        direct: error("--method direct", RIM_PX),
+        phasor: error(PHASOR, RIM_PX),
+        inner: [LINKED, PAPER, PHASOR].map(|method| error(method, WIDE_RIM_PX)),
         bad_missed: which(|ok, truly| ok > truly),
         good_lost: which(|ok, truly| ok < truly),
         dead_pixels: [differ(|a, b| a < b), differ(|a, b| a > b)],
     }
 }
 
-/// Difference of the curve over the eroded mask to the true phase, in the used sweeps.
-fn curve_error(bench: &Bench, method: &str, used: &[usize]) -> CurveError {
-    let _ = bench.succeed(&format!("phase V.zarr --mask eroded.npy {method} -o C.csv"));
+const LINKED: &str = "--method linked";
+const PAPER: &str = "--method paper";
+const PHASOR: &str = "--method paper --ensemble phasor";
+
+/// Difference of the curve over the x without its rim to the true phase, in the used sweeps.
+fn curve_error(bench: &Bench, method: &str, rim: usize, used: &[usize]) -> CurveError {
+    let _ = bench.succeed(&format!("phase V.zarr --mask R/mask.npy --rim {rim} {method} -o C.csv"));
     let table = std::fs::read_to_string(bench.path("C.csv")).expect("the curve was written");
     let column = |line: &str| line.split(',').nth(2).and_then(|text| text.parse::<f64>().ok());
     let phases: Vec<f64> =
@@ -121,22 +130,6 @@ fn curve_error(bench: &Bench, method: &str, used: &[usize]) -> CurveError {
     let reference = head.iter().map(|&t| truth[t]).sum::<f64>() / head.len() as f64;
     let error = |&t: &usize| phases[t] - (truth[t] - reference);
     CurveError { rms: rms(used.iter().map(error)), end: used.last().map_or(f64::NAN, error) }
-}
-
-/// The x without its rim, as `eroded.npy`.
-fn save_eroded(bench: &Bench) {
-    let (shape, mask) = npy::load_mask(&bench.path("R/mask.npy"));
-    let (height, width) = (shape[0], shape[1]);
-    let inside = |i: usize| {
-        let (y, x) = (i / width, i % width);
-        let rows = y.saturating_sub(ERODED_PX)..(y + ERODED_PX + 1).min(height);
-        rows.into_iter().all(|row| {
-            let columns = x.saturating_sub(ERODED_PX)..(x + ERODED_PX + 1).min(width);
-            columns.into_iter().all(|column| mask[row * width + column])
-        })
-    };
-    let eroded: Vec<bool> = (0..mask.len()).map(inside).collect();
-    npy::save_mask(&bench.path("eroded.npy"), &shape, &eroded);
 }
 
 /// Root mean square; NaN of nothing.

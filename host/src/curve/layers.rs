@@ -10,6 +10,7 @@ use crate::looks::Block;
 use crate::method::Plan;
 use phasewalk_core::bound::{layered_sandwich, reported_variance, share_of_layers};
 use phasewalk_core::model::debias_blocks;
+use phasewalk_core::reference::reference_span;
 use phasewalk_core::square::Square;
 
 /// Of both layers: sums of |C_w|^2 and of P_w(t) P_w(t + 1) over sub-windows and neighbouring frames.
@@ -55,7 +56,7 @@ impl Neighbours {
         let looks = [looks, window.looks];
         layered_sandwich(&precision, &gamma, self.share(window), looks, &mut out, scratch);
         let usable: Vec<f64> = sigmas.iter().map(|s| f64::from(u8::from(s.is_finite()))).collect();
-        let references = plan.params.reference_frames;
+        let references = reference_span(&usable, plan.params.reference_frames);
         let sigma = |(frame, &sigma): (usize, &f64)| {
             let known = reported_variance(&out, &usable, references, frame).sqrt();
             if sigma.is_finite() { known } else { sigma }

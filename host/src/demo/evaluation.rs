@@ -4,13 +4,13 @@ use super::recording::Recording;
 use super::setup::Setup;
 use crate::curve::{Region, curve};
 use crate::error::Result;
-use crate::image::Imaging;
+use crate::image::{Images, Imaging};
 use crate::io::CurveRow;
 use crate::looks::{Looks, SpatialCoherence};
 use crate::method::{Depths, Method, Plan};
 use crate::progress::Progress;
 use crate::series::{Survey, survey};
-use ndarray::{Array2, Array3};
+use ndarray::Array2;
 use num_complex::Complex32;
 use rayon::prelude::*;
 
@@ -91,12 +91,12 @@ impl<'a> Evaluation<'a> {
         curve(region, &self.plan(method)?, looks, effective, progress).map(PhaseCurve::from)
     }
 
-    /// Phase images of all frames, radians, axes (time, y, x); linked phases always count the
-    /// independent looks. The progress bar is called after `label`.
+    /// Phase images of all frames; linked phases always count the independent looks. The progress bar is called
+    /// after `label`.
     ///
     /// # Errors
-    /// Those of [`Imaging::phases`].
-    pub fn images(&self, method: Method, label: &str) -> Result<Array3<f32>> {
+    /// Those of [`Imaging::images`].
+    pub fn images(&self, method: Method, label: &str) -> Result<Images> {
         let looks = if method == Method::Linked { Looks::Effective } else { self.setup.looks };
         let imaging = Imaging {
             series: &self.recording.series,
@@ -107,7 +107,7 @@ impl<'a> Evaluation<'a> {
             threads: self.setup.threads,
             memory: self.setup.image_memory(),
         };
-        imaging.phases(&self.plan(method)?, &format!("{label}: images"))
+        imaging.images(&self.plan(method)?, &format!("{label}: images"))
     }
 
     /// The cross-spectrum in the middle of the x and averaged over it.

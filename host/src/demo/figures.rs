@@ -24,6 +24,7 @@ pub fn phase_images(setup: &Setup, scenes: &[SceneResult]) -> Canvas {
     let columns = phases.iter().map(|(label, snapshot)| PhaseColumn {
         label,
         phases: vec![snapshot.direct.view(), snapshot.extended.view()],
+        sigma: None,
     });
     let amplitudes = speckle
         .iter()

@@ -121,7 +121,7 @@ impl RotatingDisk {
             let frames = series.shape().frames;
             let mut plan = Plan::new(method, frames, None, first, Depths::single())?;
             plan.params.reference_frames = 1;
-            imaging.phases(&plan, label)
+            imaging.images(&plan, label).map(|images| images.phases)
         };
         let walked = phases(Method::OneStep, "one-step walk")?;
         let direct = phases(Method::Direct, "direct difference")?;

@@ -105,7 +105,7 @@ impl SceneResult {
         let curves = ByMethod::compute(curve)?;
         let spectra = evaluation.spectra(&region);
         drop(region);
-        let images = ByMethod::compute(|method| evaluation.images(method, &label))?;
+        let images = ByMethod::compute(|method| Ok(evaluation.images(method, &label)?.phases))?;
         let errors = ByMethod::compute(|method| {
             let (curve, images) = match method {
                 Method::Direct => (&curves.direct, &images.direct),

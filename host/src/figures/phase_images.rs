@@ -4,6 +4,7 @@
 use ndarray::ArrayView2;
 
 use super::canvas::{Anchor, Canvas, TextStyle, font};
+use super::colormap::ColorMap;
 use super::geometry::Rect;
 use super::keys;
 use super::raster::{Indexed, percentiles};
@@ -16,6 +17,8 @@ pub struct PhaseColumn<'a> {
     pub label: &'a str,
     /// The same frame by each method of the figure.
     pub phases: Vec<ArrayView2<'a, f32>>,
+    /// Standard deviation of the last method's phase, radians, where it is known; all share one scale.
+    pub sigma: Option<ArrayView2<'a, f32>>,
 }
 
 /// The amplitude of one frame.
@@ -56,6 +59,8 @@ const RIGHT: f64 = 96.0;
 /// Widest panel, and widest row of panels.
 const WIDTH: f64 = 320.0;
 const ROW: f64 = 1700.0;
+/// Name of the row of standard deviations.
+const SIGMA: &str = "standard deviation";
 /// Room for the headings of the speckle images.
 const HEADING: f64 = 34.0;
 
@@ -68,6 +73,7 @@ impl PhaseImages<'_> {
         let height = self.below() + 12.0;
         let mut canvas = Canvas::new(width, height, &self.title());
         self.draw_phases(&mut canvas);
+        self.draw_sigmas(&mut canvas);
         self.draw_speckle(&mut canvas);
         self.draw_keys(&mut canvas);
         canvas
@@ -87,14 +93,31 @@ impl PhaseImages<'_> {
         }
     }
 
+    fn draw_sigmas(&self, canvas: &mut Canvas) {
+        let range = (0.0, self.highest_sigma());
+        for (n, column) in self.columns.iter().enumerate() {
+            if let Some(sigma) = column.sigma {
+                let letter = self.rows() * self.columns.len() + n;
+                let image = Indexed::sigma(sigma, range);
+                self.draw_panel(canvas, self.panel(self.rows(), n), &image, letter);
+            }
+        }
+    }
+
+    /// Where the scale of the standard deviations ends: few pixels lie above.
+    fn highest_sigma(&self) -> f32 {
+        let sigmas: Vec<_> = self.columns.iter().filter_map(|column| column.sigma).collect();
+        percentiles(&sigmas, 0.0, 0.995).1
+    }
+
     fn draw_speckle(&self, canvas: &mut Canvas) {
         let fields: Vec<_> = self.speckle.iter().map(|s| s.amplitude).collect();
         let range = percentiles(&fields, 0.0, 0.995);
         for (n, speckle) in self.speckle.iter().enumerate() {
             let image = Indexed::amplitude(speckle.amplitude, (0.0_f32.min(range.0), range.1));
-            let panel = self.panel(self.rows(), n);
+            let panel = self.panel(self.rows_above(), n);
             heading(canvas, panel, speckle.label);
-            self.draw_panel(canvas, panel, &image, self.rows() * self.columns.len() + n);
+            self.draw_panel(canvas, panel, &image, self.rows_above() * self.columns.len() + n);
         }
     }
 
@@ -110,8 +133,9 @@ impl PhaseImages<'_> {
 
     fn draw_keys(&self, canvas: &mut Canvas) {
         let speckle = (!self.speckle.is_empty()).then_some("speckle amplitude");
+        let sigma = (self.rows_above() > self.rows()).then_some(SIGMA);
         let methods = self.methods.iter().copied().take(self.rows());
-        for (row, name) in methods.chain(speckle).enumerate() {
+        for (row, name) in methods.chain(sigma).chain(speckle).enumerate() {
             row_name(canvas, self.panel(row, 0), name);
         }
         let Some(last) = self.rows().checked_sub(1) else {
@@ -121,11 +145,28 @@ impl PhaseImages<'_> {
         let (first, last) = (self.panel(0, right), self.panel(last, right));
         let (top, bottom) = (first.y + 24.0, last.bottom());
         keys::phase_bar(canvas, Rect::new(first.right() + 20.0, top, 18.0, bottom - top));
+        if sigma.is_some() {
+            self.draw_sigma_bar(canvas, self.panel(self.rows(), right));
+        }
+    }
+
+    fn draw_sigma_bar(&self, canvas: &mut Canvas, panel: Rect) {
+        let label = |share: f32| format!("{:.2}", share * self.highest_sigma());
+        let labels = [0.0, 0.5, 1.0].map(label);
+        let labels: Vec<&str> = labels.iter().map(String::as_str).collect();
+        let (top, bottom) = (panel.y + 24.0, panel.bottom() - 4.0);
+        let bar = Rect::new(panel.right() + 20.0, top, 18.0, bottom - top);
+        keys::color_bar(canvas, bar, ColorMap::Sigma, &labels, "σ / rad");
     }
 
     /// Rows of phases.
     fn rows(&self) -> usize {
         if self.columns.is_empty() { 0 } else { self.methods.len() }
+    }
+
+    /// Rows above the speckle: those of phases, and that of their standard deviations.
+    fn rows_above(&self) -> usize {
+        self.rows() + usize::from(self.columns.iter().any(|column| column.sigma.is_some()))
     }
 
     /// Panels beside each other.
@@ -137,7 +178,7 @@ impl PhaseImages<'_> {
     fn panel(&self, row: usize, column: usize) -> Rect {
         let (width, height) = (self.panel_width(), self.panel_height());
         let named = self.speckle.iter().any(|speckle| !speckle.label.is_empty());
-        let below = row > 0 && row == self.rows() && named;
+        let below = row > 0 && row == self.rows_above() && named;
         let extra = if below { HEADING - GAP } else { 0.0 };
         let x = LEFT + column as f64 * (width + GAP);
         let y = TOP + row as f64 * (height + GAP) + extra;
@@ -145,7 +186,7 @@ impl PhaseImages<'_> {
     }
 
     fn below(&self) -> f64 {
-        let rows = self.rows() + usize::from(!self.speckle.is_empty());
+        let rows = self.rows_above() + usize::from(!self.speckle.is_empty());
         rows.checked_sub(1).map_or(TOP, |last| self.panel(last, 0).bottom())
     }
 
@@ -192,26 +233,30 @@ mod tests {
     fn every_panel_has_its_letter_and_label() {
         let field = Array2::from_elem((8, 16), 0.5_f32);
         let missing = Array2::from_elem((8, 16), f32::NAN);
-        let column = |label| PhaseColumn { label, phases: vec![field.view(), missing.view()] };
+        let column =
+            |label, sigma| PhaseColumn { label, phases: vec![field.view(), missing.view()], sigma };
         let figure = PhaseImages {
             methods: vec!["direct difference", "extended"],
-            columns: vec![column("σ = 0"), column("σ < λ/16")],
+            columns: vec![column("σ = 0", None), column("σ < λ/16", Some(field.view()))],
             speckle: vec![SpeckleImage { label: "frame 10", amplitude: field.view() }],
             scale_bar: Some(ScaleBar { pixels: 4.0, label: "500 λ" }),
         };
         let svg = figure.draw().svg().unwrap();
-        for text in ["σ = 0", "σ &lt; λ/16", "frame 10", ">e<", ">π<", "phase / rad"] {
+        for text in ["σ = 0", "σ &lt; λ/16", "frame 10", ">g<", ">π<", "phase / rad", "σ / rad"]
+        {
             assert!(svg.contains(text), "{text}");
         }
-        assert_eq!(svg.matches("500 λ").count(), 5);
-        assert_eq!(svg.matches("<image").count(), 6);
+        assert!(svg.contains(">0.25<"), "half of the largest standard deviation");
+        assert_eq!(svg.matches("500 λ").count(), 6);
+        assert_eq!(svg.matches("<image").count(), 8);
         assert!(figure.draw().png().is_ok());
     }
 
     #[test]
     fn many_columns_share_the_row() {
         let field = Array2::from_elem((8, 16), 0.5_f32);
-        let columns = vec![PhaseColumn { label: "5 s", phases: vec![field.view()] }; 9];
+        let columns =
+            vec![PhaseColumn { label: "5 s", phases: vec![field.view()], sigma: None }; 9];
         let speckle = vec![SpeckleImage { label: "", amplitude: field.view() }; 9];
         let methods = vec!["direct difference"];
         let figure = PhaseImages { methods, columns, speckle, scale_bar: None };

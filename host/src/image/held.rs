@@ -11,45 +11,69 @@ use crate::series::Survey;
 use ndarray::{Array3, ArrayView3, Axis, s};
 use std::sync::{Mutex, PoisonError};
 
+/// Images of some frames, axes (frame, y, x), radians.
+#[derive(Clone, Debug)]
+pub struct Images {
+    /// The phases; NaN where there is none.
+    pub phases: Array3<f32>,
+    /// Their standard deviations, of a job that computes them.
+    pub sigmas: Option<Array3<f32>>,
+}
+
 /// The images of some frames, filled strip by strip while a job runs.
 pub struct HeldImages {
     frames: Vec<usize>,
-    /// (frame, y, x), radians.
-    images: Mutex<Array3<f32>>,
+    images: Mutex<Images>,
 }
 
 impl HeldImages {
-    /// Room for the images of the given frames, each `height` x `width` pixels.
+    /// Room for the images of the given frames, each `height` x `width` pixels, with their standard deviations if
+    /// `sigma` asks for them.
     #[must_use]
-    pub fn new(frames: Vec<usize>, height: usize, width: usize) -> Self {
-        let images = Mutex::new(Array3::zeros((frames.len(), height, width)));
+    pub fn new(frames: Vec<usize>, height: usize, width: usize, sigma: bool) -> Self {
+        let room = || Array3::zeros((frames.len(), height, width));
+        let images = Mutex::new(Images { phases: room(), sigmas: sigma.then(room) });
         Self { frames, images }
     }
 
     /// Take from a strip what belongs to the frames.
     ///
     /// # Errors
-    /// When the strip is no whole number of rows, or lacks a frame.
+    /// When the strip is no whole number of rows, or lacks a frame or the standard deviations asked for.
     pub fn keep(&self, strip: &StripResult<'_>) -> Result<()> {
         let mut images = self.images.lock().unwrap_or_else(PoisonError::into_inner);
+        self.place(strip.phases, strip, &mut images.phases)?;
+        match &mut images.sigmas {
+            Some(sigmas) => self.place(strip.sigmas.unwrap_or_default(), strip, sigmas),
+            None => Ok(()),
+        }
+    }
+
+    /// The frames' rows of `values`, (time, rows, x), into their place.
+    fn place(
+        &self,
+        values: &[f32],
+        strip: &StripResult<'_>,
+        images: &mut Array3<f32>,
+    ) -> Result<()> {
         let width = images.dim().2.max(1);
         let rows = strip.valid.len() / width;
         let misfit = || Error::failed(format!("a strip of {rows} rows does not fit"));
-        let size = (strip.phases.len() / (rows * width).max(1), rows, width);
-        let phases = ArrayView3::from_shape(size, strip.phases).map_err(|_| misfit())?;
+        let size = (values.len() / (rows * width).max(1), rows, width);
+        let values = ArrayView3::from_shape(size, values).map_err(|_| misfit())?;
         let mut place = images.slice_mut(s![.., strip.first_row..strip.first_row + rows, ..]);
         for (&frame, mut image) in self.frames.iter().zip(place.outer_iter_mut()) {
             if frame >= size.0 {
                 return Err(misfit());
             }
-            image.assign(&phases.index_axis(Axis(0), frame));
+            image.assign(&values.index_axis(Axis(0), frame));
         }
         Ok(())
     }
 
-    /// The images, (frame, y, x), in the order of the frames.
+    /// The images, in the order of the frames.
     #[must_use]
-    pub fn into_images(self) -> Array3<f32> {
+    pub fn into_images(self) -> Images {
         self.images.into_inner().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -73,12 +97,12 @@ pub struct Imaging<'a> {
 }
 
 impl Imaging<'_> {
-    /// Phases in radians, axes (time, y, x); NaN where a pixel is not usable; linked phases are
-    /// those of a single depth and recording. The progress bar is called `label`.
+    /// Images of all frames, NaN where a pixel is not usable; linked phases are those of a single depth and
+    /// recording, and have standard deviations. The progress bar is called `label`.
     ///
     /// # Errors
     /// What [`ImageJob::run`] reports.
-    pub fn phases(&self, plan: &Plan, label: &str) -> Result<Array3<f32>> {
+    pub fn images(&self, plan: &Plan, label: &str) -> Result<Images> {
         let shape = self.series.shape();
         let kernel = Kernel::new(self.sigma_px, shape.height, shape.width, false)?;
         let effective_looks = self.coherence.looks_of_kernel(&kernel);
@@ -96,9 +120,8 @@ impl Imaging<'_> {
             closure: false,
             path,
         };
-        let tiles = (plan.method == Method::Linked)
-            .then(|| fit.tiles(&Progress::new(label, fit.steps())))
-            .transpose()?;
+        let linked = plan.method == Method::Linked;
+        let tiles = linked.then(|| fit.tiles(&Progress::new(label, fit.steps()))).transpose()?;
         let job = ImageJob {
             series: self.series,
             survey: self.survey,
@@ -107,13 +130,13 @@ impl Imaging<'_> {
             looks,
             effective_looks,
             tiles: tiles.as_ref(),
-            sigma: false,
+            sigma: linked,
             double: false,
             path,
             threads: self.threads,
             memory: self.memory,
         };
-        let held = HeldImages::new((0..shape.frames).collect(), shape.height, shape.width);
+        let held = HeldImages::new((0..shape.frames).collect(), shape.height, shape.width, linked);
         let progress = Progress::new(label, job.steps()?);
         job.run(&progress, &|strip| held.keep(&strip))?;
         Ok(held.into_images())
@@ -126,17 +149,20 @@ mod tests {
 
     #[test]
     fn chosen_frames_are_kept_row_by_row() {
-        let held = HeldImages::new(vec![2, 0], 3, 2);
-        let strip = |first_row, phases: &[f32], valid: &[bool]| {
-            held.keep(&StripResult { first_row, phases, sigmas: None, closure: None, valid })
+        let held = HeldImages::new(vec![2, 0], 3, 2, true);
+        let strip = |first_row, phases: &[f32], sigmas: Option<&[f32]>, valid: &[bool]| {
+            held.keep(&StripResult { first_row, phases, sigmas, closure: None, valid })
         };
         let ramp: Vec<f32> = (0..12).map(|n| n as f32).collect();
-        strip(0, &ramp, &[true; 4]).unwrap();
-        strip(2, &ramp[..6], &[true; 2]).unwrap();
-        assert!(strip(2, &ramp[..4], &[true; 2]).is_err(), "two frames only");
-        let images = held.into_images();
-        let frame = |n: usize| images.index_axis(Axis(0), n).iter().copied().collect::<Vec<_>>();
+        let double: Vec<f32> = ramp.iter().map(|value| 2.0 * value).collect();
+        strip(0, &ramp, Some(&double), &[true; 4]).unwrap();
+        strip(2, &ramp[..6], Some(&double[..6]), &[true; 2]).unwrap();
+        assert!(strip(2, &ramp[..4], Some(&double[..4]), &[true; 2]).is_err(), "two frames only");
+        assert!(strip(2, &ramp[..6], None, &[true; 2]).is_err(), "no standard deviations");
+        let Images { phases, sigmas } = held.into_images();
+        let frame = |n: usize| phases.index_axis(Axis(0), n).iter().copied().collect::<Vec<_>>();
         assert_eq!(frame(0), [8.0, 9.0, 10.0, 11.0, 4.0, 5.0]);
         assert_eq!(frame(1), [0.0, 1.0, 2.0, 3.0, 0.0, 1.0]);
+        assert_eq!(sigmas.unwrap(), &phases * 2.0);
     }
 }

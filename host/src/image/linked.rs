@@ -20,7 +20,7 @@ use phasewalk_core::chain::unwrap_chain;
 use phasewalk_core::closure::{KNOWN, tail};
 use phasewalk_core::layers::layer_difference;
 use phasewalk_core::linking::{START_FRAMES, residual, start_phasor, turn};
-use phasewalk_core::reference::subtract_reference;
+use phasewalk_core::reference::{reference_span, subtract_reference};
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -367,7 +367,8 @@ impl<L: Lanes> Worker<L> {
             }
             unwrap_chain(&mut series, &plan.times_s, &tile.quality);
             let counted: Vec<f32> = tile.usable.iter().map(|&u| f32::from(u8::from(u))).collect();
-            subtract_reference(&mut series, &counted, plan.params.reference_frames);
+            let references = reference_span(&counted, plan.params.reference_frames);
+            subtract_reference(&mut series, &counted, references);
             unmeasured += usize::from(!tile.usable.contains(&true));
             if let Some(p) = self.closure.get_mut(pixel) {
                 *p = tail(f64::from(*p), tile.modes, KNOWN) as f32;

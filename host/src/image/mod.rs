@@ -19,7 +19,7 @@ mod tiles;
 mod worker;
 
 pub use decorrelation::{Quantity, diffusion_um2, walk_nm};
-pub use held::{HeldImages, Imaging};
+pub use held::{HeldImages, Images, Imaging};
 pub use kernel::Kernel;
 pub use linked::window_kernel;
 pub use memory::MemoryPlan;

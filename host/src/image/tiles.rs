@@ -29,6 +29,7 @@ use phasewalk_core::cross_spectrum::cross_spectrum;
 use phasewalk_core::lags::Lags;
 use phasewalk_core::linking::is_usable;
 use phasewalk_core::model::{Buffers, Model, debias_blocks};
+use phasewalk_core::reference::reference_span;
 use phasewalk_core::square::Square;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -231,7 +232,8 @@ impl Fit<'_> {
     }
 
     fn reported(&self, covariance: &Square<'_, f64>, usable: &[f64], frame: usize) -> f64 {
-        reported_variance(covariance, usable, self.plan.params.reference_frames, frame)
+        let references = reference_span(usable, self.plan.params.reference_frames);
+        reported_variance(covariance, usable, references, frame)
     }
 
     /// 2 W_k, as each pair is met once, and how many there are.

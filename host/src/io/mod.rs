@@ -50,7 +50,7 @@ pub(crate) use element::Element;
 pub use field::{FieldLayout, FieldWriter, Truth};
 pub use format::Format;
 pub use image::{ImageLayout, ImageWriter};
-pub use mask::read_mask;
+pub use mask::{read_mask, without_rim};
 pub use raw::{RawFormat, RawImages, open_raw, visit_images};
 pub use recordings::Recordings;
 pub use shape::Shape;

@@ -63,6 +63,9 @@ pub fn table(rows: &[BoundRow], trials: usize) -> Table {
 }
 
 fn entry(score: &Score) -> String {
+    if score.over_bound.is_nan() {
+        return "all lost".to_owned();
+    }
     let lost = if score.lost > 0 { format!(", {} lost", score.lost) } else { String::new() };
     format!("{:.2} ± {:.2}{lost}", score.over_bound, score.standard_error)
 }

@@ -260,6 +260,10 @@ fn of_curves(statistics: &[Statistics; 4]) -> Vec<Claim> {
     ]
 }
 
+/// What still counts as within the correlation time, in times to one half: at three of them an exponential has an
+/// eighth of its amplitude left.
+const WITHIN_CORRELATION: Limit = Limit::AtMost(3.0);
+
 /// Figure 3, i-k, and how long the methods last beside it.
 fn of_correlation(statistics: &[Statistics; 4]) -> Vec<Claim> {
     let [_, slow, _, fast] = statistics;
@@ -304,7 +308,7 @@ fn of_correlation(statistics: &[Statistics; 4]) -> Vec<Claim> {
             "the direct difference only yields phases within the correlation time",
             times,
             within(fast, DIRECT),
-            Limit::AtMost(10.0),
+            WITHIN_CORRELATION,
         ),
         Claim::new(
             "548-550",

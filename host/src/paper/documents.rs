@@ -50,11 +50,13 @@ pub fn ends_table(settings: &Settings, statistics: &[Statistics]) -> Table {
     let cells = |of: &Statistics| {
         std::iter::once(of.label.clone()).chain(of.last_words()).collect::<Vec<_>>()
     };
+    let over = match settings.runs {
+        1 => "one run".to_owned(),
+        runs => format!("mean ± standard deviation over {runs} runs"),
+    };
     Table {
         caption: format!(
-            "Phase \u{2212} truth of the x in frame {last}, mean ± standard deviation over {} runs, \
-             rad; the phase put in is {truth:.2}",
-            settings.runs
+            "Phase \u{2212} truth of the x in frame {last}, {over}, rad; the phase put in is {truth:.2}"
         ),
         header: std::iter::once("").chain(NAMES).map(str::to_owned).collect(),
         rows: statistics.iter().map(cells).collect(),

@@ -21,6 +21,7 @@ pub fn figure2(settings: &Settings, scenes: &[Scene; 3]) -> Canvas {
     let column = |(&(scene, frame), label): (&(usize, usize), _)| PhaseColumn {
         label,
         phases: scenes[scene].snapshot(frame).phases.iter().map(|image| image.view()).collect(),
+        sigma: Some(scenes[scene].snapshot(frame).linked_sigma.view()),
     };
     let speckle = |(&(scene, frame), label): (&(usize, usize), _)| SpeckleImage {
         label,

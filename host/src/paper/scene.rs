@@ -4,6 +4,7 @@ use super::methods::{ByMethod, by_method};
 use super::settings::{FRAMES, Settings, label};
 use crate::demo::{Evaluation, Recording, Spectra};
 use crate::error::Result;
+use crate::image::Images;
 use crate::progress::Progress;
 use ndarray::{Array2, Array3, Axis};
 
@@ -14,6 +15,8 @@ pub struct Snapshot {
     pub amplitude: Array2<f32>,
     /// Phase by each method, radians.
     pub phases: ByMethod<Array2<f32>>,
+    /// Standard deviation of the linked phase, radians.
+    pub linked_sigma: Array2<f32>,
 }
 
 /// A scene and what can be seen in it.
@@ -45,10 +48,17 @@ impl Scene {
         drop(bar);
         let evaluation = Evaluation::new(&settings.setup, &recording)?;
         let spectra = evaluation.spectra(&evaluation.region()?);
-        let images = by_method(|method| Ok(shown(&evaluation.images(method, &label)?)))?;
+        let mut sigmas = None;
+        let images = by_method(|method| {
+            let Images { phases, sigmas: known } = evaluation.images(method, &label)?;
+            sigmas = known.as_ref().map(shown).or(sigmas.take());
+            Ok(shown(&phases))
+        })?;
+        let missing = || Array2::from_elem(images[0][0].dim(), f32::NAN);
         let snapshot = |n: usize| Snapshot {
             amplitude: evaluation.amplitude(FRAMES[n]),
             phases: images.each_ref().map(|frames| frames[n].clone()),
+            linked_sigma: sigmas.as_ref().map_or_else(missing, |frames| frames[n].clone()),
         };
         let snapshots = std::array::from_fn(snapshot);
         drop(evaluation);

@@ -95,15 +95,15 @@ impl Settings {
     #[must_use]
     pub fn words(&self) -> String {
         let scene = &self.setup.scene;
+        let runs = if self.runs == 1 { "1 run".to_owned() } else { format!("{} runs", self.runs) };
         format!(
-            "{} x {} pixels, {} frames, {} scatterers, seed {}; Figure 3: {} runs for each σ; images: \
+            "{} x {} pixels, {} frames, {} scatterers, seed {}; Figure 3: {runs} for each σ; images: \
              Gaussian of {} pixels; bound: {} trials",
             scene.width,
             scene.height,
             scene.frames,
             scene.pixels() * scene.scatterers_per_pixel,
             scene.seed,
-            self.runs,
             self.setup.gaussian_px,
             self.trials
         )

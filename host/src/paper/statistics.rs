@@ -19,6 +19,8 @@ pub struct Spread {
 pub struct Statistics {
     /// Its name, such as `σ = λ/32`.
     pub label: String,
+    /// How many they are.
+    pub runs: usize,
     /// The phase put in, radians, one per frame.
     pub truth_rad: Vec<f64>,
     /// Phase by each method, radians.
@@ -44,6 +46,7 @@ impl Statistics {
             runs.iter().map(|run| run.autocorrelation.as_slice()).collect();
         Self {
             label: label(sigma),
+            runs: runs.len(),
             phases: std::array::from_fn(by_place),
             errors: std::array::from_fn(|method| errors(&phases(method), &truth_rad)),
             autocorrelation: Spread::of(&autocorrelations),
@@ -63,13 +66,14 @@ impl Statistics {
         last(&self.truth_rad)
     }
 
-    /// `mean ± deviation` of phase − truth in the last frame, radians, by each method.
+    /// `mean ± deviation` of phase − truth in the last frame, radians, by each method; of one run the error alone.
     #[must_use]
     pub fn last_words(&self) -> ByMethod<String> {
         let words = |method: usize| {
             let Spread { mean, deviation } = &self.phases[method];
             let error = last(mean) - self.last_truth();
-            format!("{error:+.3} ± {:.3}", last(deviation)).replace('-', "\u{2212}")
+            let deviation = (self.runs > 1).then(|| format!(" ± {:.3}", last(deviation)));
+            format!("{error:+.3}{}", deviation.unwrap_or_default()).replace('-', "\u{2212}")
         };
         std::array::from_fn(words)
     }

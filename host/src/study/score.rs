@@ -39,7 +39,7 @@ pub struct Score {
     pub over_bound: f64,
     /// Its standard error: over_bound / sqrt(2 trials).
     pub standard_error: f64,
-    /// Standard deviation of the standard scores of all frames; NaN where the estimator tells no standard
+    /// Root mean square of error / sigma over all frames; NaN where the estimator tells no standard
     /// deviation.
     pub z: f64,
     /// Trials without an end phase, which do not count.

@@ -41,6 +41,10 @@ pub(in crate::cli) struct Arguments {
     /// Curve: subtract that of this mask, an unstimulated region; the variances add
     #[arg(long, value_name = "M2.npy")]
     pub(super) control: Option<PathBuf>,
+    /// Leave out the pixels of both masks within so many rows and columns of their edge: there the aperture mixes
+    /// light from the other side in, and a phase that others do not share comes out too small
+    #[arg(long, value_name = "PX", default_value_t = 0, allow_negative_numbers = true)]
+    pub(super) rim: usize,
     /// Images: average with a Gaussian of this standard deviation, in pixels (periodic edges)
     ///
     /// Of method linked a .zarr result also holds closure_p, for each pixel the chance of such closure phases if
@@ -299,6 +303,11 @@ impl Arguments {
         if self.mask.is_none() && self.control.is_some() {
             return Err(Error::usage(
                 "--control is for curves: leave it out, or give --mask for --gaussian",
+            ));
+        }
+        if self.mask.is_none() && self.rim > 0 {
+            return Err(Error::usage(
+                "--rim is for curves: leave it out, or give --mask for --gaussian",
             ));
         }
         if !self.at.is_empty() && (self.mask.is_some() || self.figure.is_none()) {

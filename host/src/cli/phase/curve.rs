@@ -6,13 +6,14 @@ use crate::cli::print;
 use crate::curve::{LINKED_WINDOW_LOOKS, Linked, Region, curve, link_region, subtract};
 use crate::error::{Error, Result};
 use crate::figures::{Canvas, PhaseCurve};
-use crate::io::{CurveRow, Series, Shape, read_mask, write_curve};
+use crate::io::{CurveRow, Series, Shape, read_mask, without_rim, write_curve};
 use crate::looks::{Block, SpatialCoherence};
 use crate::method::{Method, Plan};
 use crate::notes;
 use crate::progress::Progress;
 use crate::series::Survey;
 use phasewalk_core::closure::Closure;
+use phasewalk_core::reference::reference_span;
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -22,9 +23,9 @@ const BRIDGED_RAD: f64 = 100.0;
 impl Task<'_> {
     pub(super) fn curve(&self, path: &Path) -> Result<()> {
         let Shape { height, width, .. } = self.good.shape();
-        let mask = read_mask(path, height, width)?;
+        let mask = self.inner(read_mask(path, height, width)?, path)?;
         let control = match &self.arguments.control {
-            Some(path) => Some((read_control(path, &mask, width)?, path)),
+            Some(path) => Some((self.inner(read_control(path, &mask, width)?, path)?, path)),
             None => None,
         };
         let figure = self.arguments.figure.as_deref().map(FigureFile::create).transpose()?;
@@ -39,6 +40,17 @@ impl Task<'_> {
             result.subtract(control);
         }
         self.finish(&survey, &result, control.as_ref(), figure)
+    }
+
+    /// The mask without the rim that `--rim` takes off.
+    fn inner(&self, mask: Vec<bool>, path: &Path) -> Result<Vec<bool>> {
+        let rim = self.arguments.rim;
+        let inner = without_rim(&mask, self.good.shape().width, rim);
+        if inner.contains(&true) {
+            return Ok(inner);
+        }
+        let what = "no pixel is left: take a smaller one";
+        Err(Error::file(path, format!("--rim {rim}: {what}")))
     }
 
     /// Write, draw and report.
@@ -78,6 +90,10 @@ impl Task<'_> {
         if bridged > 0 && !self.common.json {
             print(&self.without_phase(bridged));
         }
+        let other = self.other_reference(&result.rows).filter(|_| !self.common.json);
+        if let Some(other) = other {
+            print(&other);
+        }
         let less = control.map(|c| format!(" less {}", c.in_words())).unwrap_or_default();
         self.report(&format!("{}{less}", result.in_words()), facts, &files);
         for (closure, region) in closures(result, control).filter(|_| !self.common.json) {
@@ -89,14 +105,25 @@ impl Task<'_> {
     /// So many frames have no phase of their own.
     fn without_phase(&self, count: usize) -> String {
         let frames = self.plan.frames();
-        let references = self.plan.params.reference_frames;
         match self.plan.method {
-            Method::Linked if count == frames => format!(
-                "no standard deviation is known: none of the first {references} frames, which phases refer to, is usable"
-            ),
             Method::Linked => format!("{count} of {frames} frames have no usable phase: nan"),
             _ => format!("{count} of {frames} frames have no pair above random phases: bridged"),
         }
+    }
+
+    /// Linked phases whose reference is not where it is looked for.
+    fn other_reference(&self, rows: &[CurveRow]) -> Option<String> {
+        let usable: Vec<f64> =
+            rows.iter().map(|row| f64::from(u8::from(row.phase_rad.is_finite()))).collect();
+        let wanted = self.plan.params.reference_frames;
+        let last = reference_span(&usable, wanted).saturating_sub(1);
+        let linked = self.plan.method == Method::Linked;
+        (linked && last >= wanted).then(|| {
+            let frame = self.good.numbers()[last];
+            format!(
+                "none of the first {wanted} frames is usable: phases refer to the first usable ones, up to frame {frame}"
+            )
+        })
     }
 
     /// The curve of all frames with the direct difference.

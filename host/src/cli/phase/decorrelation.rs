@@ -13,6 +13,8 @@ pub(super) struct Decorrelation {
     label: String,
     size: (usize, usize),
     wavelength_nm: Option<f64>,
+    /// Is it the product of two layers that decorrelates?
+    two: bool,
     /// What the times are counted in.
     unit: &'static str,
     /// Each quantity's image (y, x).
@@ -22,13 +24,16 @@ pub(super) struct Decorrelation {
 impl Decorrelation {
     pub(super) fn of(task: &Task<'_>, tiles: &Tiles) -> Self {
         let Shape { height, width, .. } = task.good.shape();
+        let two = task.plan.depths.has_two_layers();
         let image = |(quantity, name): (Quantity, &'static str)| {
             (quantity, name, quantity.image(tiles, height, width))
         };
         Self {
             label: task.arguments.label(),
             size: (height, width),
-            wavelength_nm: task.wavelength_nm,
+            // The rate of two layers' product is the sum of theirs, which says how far neither walks.
+            wavelength_nm: task.wavelength_nm.filter(|_| !two),
+            two,
             unit: if task.good.times_s().is_some() { "s" } else { "frame" },
             images: Quantity::ALL.into_iter().map(image).collect(),
         }
@@ -83,8 +88,9 @@ impl Decorrelation {
                 " (path to the scatterers: {walk:.1} nm a root {unit}, {diffusion:.2e} um^2/{unit})"
             )
         });
+        let of_what = if self.two { " of both layers together" } else { "" };
         format!(
-            "decorrelation {rate:.3} ({low:.3} to {high:.3}) per {unit}{motion}, static {:.0} %, noise {:.0} %",
+            "decorrelation{of_what} {rate:.3} ({low:.3} to {high:.3}) per {unit}{motion}, static {:.0} %, noise {:.0} %",
             percent(Quantity::Static),
             percent(Quantity::Noise)
         )

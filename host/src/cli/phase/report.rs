@@ -36,6 +36,10 @@ impl Task<'_> {
             ("layers", self.layers().map_or(Value::Null, Value::from)),
             ("frames_left_out", if left_out.is_empty() { Value::Null } else { json!(left_out) }),
             ("control", json!(self.arguments.control)),
+            (
+                "rim_px",
+                if self.arguments.rim > 0 { json!(self.arguments.rim) } else { Value::Null },
+            ),
             ("gaussian_px", json!(self.arguments.gaussian)),
             ("looks", json!(looks)),
             ("effective_looks", json!(effective)),

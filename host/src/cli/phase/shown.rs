@@ -1,12 +1,13 @@
 //! The frames that the figure of images shows, in the manner of the paper's Figure 4 (lines 502-516):
-//! phases against the reference frame, direct and by the method, and the speckle of one layer.
+//! phases against the reference frame, direct and by the method, the standard deviation where it is known, and the
+//! speckle of one layer.
 
 use super::Task;
 use crate::error::{Error, Result};
 use crate::figures::scale::{number, round_step};
 use crate::figures::{Canvas, PhaseColumn, PhaseImages, ScaleBar, SpeckleImage, style};
 use crate::frames::ChosenFrames;
-use crate::image::{HeldImages, Imaging, StripResult};
+use crate::image::{HeldImages, Images, Imaging, StripResult};
 use crate::io::{Series, Shape};
 use crate::method::{Method, Plan};
 use crate::notes;
@@ -44,7 +45,8 @@ impl Shown {
             }
         }
         let bar = bar(task).map_err(|error| task.arguments.about(error))?;
-        Ok(Self { held: HeldImages::new(frames.clone(), height, width), frames, bar })
+        let sigma = task.arguments.sigma || task.plan.method == Method::Linked;
+        Ok(Self { held: HeldImages::new(frames.clone(), height, width, sigma), frames, bar })
     }
 
     /// Take what the figure needs from a strip.
@@ -54,11 +56,12 @@ impl Shown {
 
     /// The figure, once all strips are there; `imaging` is how they were computed, of the good frames.
     pub(super) fn draw(self, task: &Task<'_>, imaging: &Imaging<'_>) -> Result<Canvas> {
+        let Images { phases, sigmas } = self.held.into_images();
         let mut rows = vec![];
         if task.plan.method != Method::Direct {
             rows.push((style::DIRECT_NAME, direct(task, imaging, &self.frames)?));
         }
-        rows.push((task.method_name().0, less_first(self.held.into_images())));
+        rows.push((task.method_name().0, less_first(phases)));
         let shown = &self.frames[1..];
         let labels: Vec<String> = shown.iter().map(|&frame| label(task, frame)).collect();
         let amplitudes = shown.iter().map(|&frame| amplitude(task, frame));
@@ -66,6 +69,7 @@ impl Shown {
         let columns = labels.iter().enumerate().map(|(n, label)| PhaseColumn {
             label,
             phases: rows.iter().map(|(_, images)| images.index_axis(Axis(0), n + 1)).collect(),
+            sigma: sigmas.as_ref().map(|images| images.index_axis(Axis(0), n + 1)),
         });
         let speckle =
             amplitudes.iter().map(|image| SpeckleImage { label: "", amplitude: image.view() });
@@ -97,7 +101,7 @@ fn direct(task: &Task<'_>, imaging: &Imaging<'_>, frames: &[usize]) -> Result<Ar
     let mut plan = Plan::new(Method::Direct, frames.len(), None, Some(0), planes)?;
     plan.params.reference_frames = 1;
     plan.average = task.plan.average;
-    Imaging { series: &pairs, ..*imaging }.phases(&plan, "direct difference")
+    Ok(Imaging { series: &pairs, ..*imaging }.images(&plan, "direct difference")?.phases)
 }
 
 /// Phases against the first of the images, which is the reference.
