@@ -8,7 +8,7 @@
 //!
 //! with the diffusion coefficient D along the beam, as dynamic light scattering has it.
 
-use super::Tiles;
+use super::{Tile, Tiles};
 use std::f64::consts::PI;
 
 /// What an image of the map shows.
@@ -32,16 +32,12 @@ impl Quantity {
 
     /// Its image, (y, x): each pixel has the value of its tile.
     #[must_use]
-    pub fn image(self, tiles: &Tiles, height: usize, width: usize) -> Vec<f32> {
-        let value = |y: usize, x: usize| {
-            let mixture = &tiles.at(y, x).mixture;
-            match self {
-                Self::DecayRate => mixture.decay_rate(),
-                Self::Static => mixture.floor(),
-                Self::Noise => mixture.noise(),
-            }
-        };
-        (0..height * width).map(|place| value(place / width, place % width) as f32).collect()
+    pub fn image(self, tiles: &Tiles) -> Vec<f32> {
+        tiles.image(|Tile { mixture, .. }| match self {
+            Self::DecayRate => mixture.decay_rate() as f32,
+            Self::Static => mixture.floor() as f32,
+            Self::Noise => mixture.noise() as f32,
+        })
     }
 }
 

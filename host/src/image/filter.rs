@@ -1,5 +1,6 @@
 //! One pair of frames over a strip: cross-spectrum, unit phasor, and the Gaussian mean of both.
 
+use super::fir::{self, Sink};
 use super::strip::Layout;
 use crate::lanes::Lanes;
 use crate::planes::Layers;
@@ -96,49 +97,72 @@ impl<L: Lanes> Passes<L> {
         CHANNELS * size_of::<L>() * (rows + 2 * layout.halo + rows * row)
     }
 
-    /// Filter the pair and give `each(row, vector, means)`: ⟨C⟩ in the first two channels and, with
-    /// four, ⟨C/|C|⟩ in the others.
+    /// Filter the pair: ⟨C⟩ in the first two channels and, with four, ⟨C/|C|⟩ in the others.
     #[inline(always)]
     pub fn run<const CH: usize>(
         &mut self,
         layout: &Layout,
         rows: usize,
         pair: Pair<'_, L>,
-        each: impl FnMut(usize, usize, [L; CH]),
+        sink: &mut impl Sink<L, CH>,
     ) {
         let plane = (rows + 2 * layout.halo) * layout.blocks;
-        self.filter(layout, rows, |place| pair.channels(place, plane), each);
+        self.filter(layout, rows, &PairSource { pair, plane }, sink);
     }
 
     /// Filter what `source` has at each place (line * vectors of a row + vector) of `rows` lines and R
-    /// lines of halo above and below.
+    /// lines of halo above and below; results go to row * vectors of a row + vector.
     #[inline(always)]
     pub fn filter<const CH: usize>(
         &mut self,
         layout: &Layout,
         rows: usize,
-        source: impl Fn(usize) -> [L; CH],
-        mut each: impl FnMut(usize, usize, [L; CH]),
+        source: &impl Source<L, CH>,
+        sink: &mut impl Sink<L, CH>,
     ) {
-        let tall = rows + 2 * layout.halo;
-        let long = layout.blocks + 2 * layout.halo;
-        let window = self.half.len() * 2 - 1;
+        let (tall, blocks) = (rows + 2 * layout.halo, layout.blocks);
+        let long = blocks + 2 * layout.halo;
         let column = &mut self.column.as_chunks_mut::<CH>().0[..tall];
-        let between = &mut self.rows.as_chunks_mut::<CH>().0[..rows * long];
-        for vector in 0..layout.blocks {
+        let mut between = Rows(&mut self.rows.as_chunks_mut::<CH>().0[..rows * long]);
+        for vector in 0..blocks {
             for (line, place) in column.iter_mut().enumerate() {
-                *place = source(line * layout.blocks + vector);
+                *place = source.at(line * blocks + vector);
             }
-            for (row, window) in column.windows(window).enumerate() {
-                between[row * long + layout.halo + vector] = weighted_sum(window, &self.half);
-            }
+            fir::filter(column, &self.half, [layout.halo + vector, long], &mut between);
         }
-        for (row, line) in between.chunks_exact_mut(long).enumerate() {
+        for (row, line) in between.0.chunks_exact_mut(long).enumerate() {
             layout.fill_halo(line);
-            for (vector, window) in line.windows(window).enumerate() {
-                each(row, vector, weighted_sum(window, &self.half));
-            }
+            fir::filter(line, &self.half, [row * blocks, 1], sink);
         }
+    }
+}
+
+/// What is filtered. (Not a closure, as [`Sink`].)
+pub trait Source<L, const CH: usize> {
+    /// The numbers at a place of the strip with its halo.
+    fn at(&self, place: usize) -> [L; CH];
+}
+
+/// The channels of a pair.
+struct PairSource<'a, L> {
+    pair: Pair<'a, L>,
+    plane: usize,
+}
+
+impl<L: Lanes, const CH: usize> Source<L, CH> for PairSource<'_, L> {
+    #[inline(always)]
+    fn at(&self, place: usize) -> [L; CH] {
+        self.pair.channels(place, self.plane)
+    }
+}
+
+/// The rows between the passes.
+struct Rows<'a, L, const CH: usize>(&'a mut [[L; CH]]);
+
+impl<L: Lanes, const CH: usize> Sink<L, CH> for Rows<'_, L, CH> {
+    #[inline(always)]
+    fn take(&mut self, place: usize, means: [L; CH]) {
+        self.0[place] = means;
     }
 }
 
@@ -156,22 +180,4 @@ fn channels<L: Lanes, const CH: usize>(c: Complex<L>) -> [L; CH] {
     channels[0] = c.re;
     channels[1] = c.im;
     channels
-}
-
-/// Symmetric filter: the window's middle times half[0], plus (left + right) times half[d].
-#[inline(always)]
-fn weighted_sum<L: Lanes, const CH: usize>(window: &[[L; CH]], half: &[L]) -> [L; CH] {
-    let radius = half.len() - 1;
-    let (left, middle_right) = window.split_at(radius);
-    let mut sum = middle_right[0];
-    for channel in &mut sum {
-        *channel = *channel * half[0];
-    }
-    let sides = left.iter().rev().zip(&middle_right[1..]);
-    for ((before, after), &tap) in sides.zip(&half[1..]) {
-        for i in 0..CH {
-            sum[i] = (before[i] + after[i]).mul_add(tap, sum[i]);
-        }
-    }
-    sum
 }

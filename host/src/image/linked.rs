@@ -3,9 +3,10 @@
 //! at the end. No pair is kept beyond its frame. Where the closure is tested, the residuals enter its contrasts
 //! (`phasewalk_core::closure`) on the way: they see no change of the phases, so the last step does not matter to them.
 
-use super::filter::{Pair, Passes};
+use super::filter::{Pair, Passes, Source};
+use super::fir::Sink;
 use super::kernel::Kernel;
-use super::strip::{self, Layout, Source};
+use super::strip::{self, Layout};
 use super::tiles::{MODES, Tile, Tiles};
 use super::worker::{STRIPS, blank_unusable, unload};
 use super::{Run, StripResult};
@@ -171,7 +172,7 @@ impl<L: Lanes> Worker<L> {
     #[inline(always)]
     fn load(&mut self, run: &Run<'_>, rows: Range<usize>) -> Result<()> {
         let Survey { valid, scale, .. } = run.job.survey;
-        let source = Source { depths: &self.depths, valid, scale: *scale };
+        let source = strip::Source { depths: &self.depths, valid, scale: *scale };
         let layout = self.layout.with_rows_of_halo(self.stages.halo());
         let tall = (rows.len() + 2 * layout.halo) * layout.blocks;
         let all = run.job.series.shape().frames * self.depths.len() * tall;
@@ -227,12 +228,8 @@ impl<L: Lanes> Worker<L> {
         let places = rows * layout.blocks;
         let size = self.depths.len() * (rows + 2 * stages.halo()) * layout.blocks;
         let pair = Pair::of(fields, size, [i, i], &self.recordings);
-        let own = &mut inverse_root[i * places..][..places];
-        averager.run(layout, window, rows, pair, |place, c| {
-            let lit = L::from_f64(f64::from(f32::MIN_POSITIVE)).lt(c.re);
-            let root = L::select(lit, c.re, L::one()).inverse_sqrt();
-            own[place] = L::select(lit, root, L::zero());
-        });
+        let mut roots = Roots(&mut inverse_root[i * places..][..places]);
+        averager.run([layout, window], rows, pair, &mut roots);
     }
 
     /// gamma_ij.
@@ -243,12 +240,9 @@ impl<L: Lanes> Worker<L> {
         let size = self.depths.len() * (rows + 2 * stages.halo()) * layout.blocks;
         let pair = Pair::of(fields, size, [i, j], &self.recordings);
         let root = |frame: usize| &inverse_root[frame * places..][..places];
-        let (root_i, root_j) = (root(i), root(j));
-        let target = &mut gamma[j * places..][..places];
-        averager.run(layout, window, rows, pair, |place, c| {
-            let share = root_i[place] * root_j[place];
-            target[place] = Complex { re: c.re * share, im: c.im * share };
-        });
+        let roots = [root(i), root(j)];
+        let mut normalised = Normalised { roots, gamma: &mut gamma[j * places..][..places] };
+        averager.run([layout, window], rows, pair, &mut normalised);
     }
 
     /// z_i from the nearest predecessors.
@@ -417,22 +411,18 @@ impl<L: Lanes> Averager<L> {
         }
     }
 
-    /// Give `each(place, mean)` for every place of the strip.
+    /// The mean of every place of the strip.
     #[inline(always)]
     fn run(
         &mut self,
-        layout: &Layout,
-        window: &Layout,
+        [layout, window]: [&Layout; 2],
         rows: usize,
         pair: Pair<'_, L>,
-        mut each: impl FnMut(usize, Complex<L>),
+        sink: &mut impl Sink<L, 2>,
     ) {
         let blocks = layout.blocks;
-        let each = |row: usize, vector: usize, [re, im]: [L; 2]| {
-            each(row * blocks + vector, Complex { re, im });
-        };
         let Some(passes) = &mut self.window else {
-            self.whole.run::<2>(layout, rows, pair, each);
+            self.whole.run(layout, rows, pair, sink);
             return;
         };
         let middle = rows + 2 * layout.halo;
@@ -440,13 +430,8 @@ impl<L: Lanes> Averager<L> {
         self.products.fill(Complex { re: L::zero(), im: L::zero() });
         for recording in pair.recordings {
             for (average, depths) in self.layers.iter_mut().zip(recording.both()) {
-                let source = |place: usize| {
-                    let c = pair.sum(depths.clone(), place, plane);
-                    [c.re, c.im]
-                };
-                passes.filter::<2>(window, middle, source, |row, vector, [re, im]| {
-                    average[row * blocks + vector] = Complex { re, im };
-                });
+                let layer = Layer { pair, depths, plane };
+                passes.filter(window, middle, &layer, &mut Averages(average));
             }
             let [first, second] = &self.layers;
             for (sum, (&first, &second)) in self.products.iter_mut().zip(first.iter().zip(second)) {
@@ -455,8 +440,68 @@ impl<L: Lanes> Averager<L> {
                 sum.im += c.im;
             }
         }
-        let products = &self.products;
-        let product = |place: usize| [products[place].re, products[place].im];
-        self.whole.filter::<2>(layout, rows, product, each);
+        self.whole.filter(layout, rows, &Products(&self.products), sink);
+    }
+}
+
+/// 1 / sqrt of the mean power, 0 in the dark.
+struct Roots<'a, L>(&'a mut [L]);
+
+impl<L: Lanes> Sink<L, 2> for Roots<'_, L> {
+    #[inline(always)]
+    fn take(&mut self, place: usize, [power, _]: [L; 2]) {
+        let lit = L::from_f64(f64::from(f32::MIN_POSITIVE)).lt(power);
+        let root = L::select(lit, power, L::one()).inverse_sqrt();
+        self.0[place] = L::select(lit, root, L::zero());
+    }
+}
+
+/// gamma_ij.
+struct Normalised<'a, L> {
+    roots: [&'a [L]; 2],
+    gamma: &'a mut [Complex<L>],
+}
+
+impl<L: Lanes> Sink<L, 2> for Normalised<'_, L> {
+    #[inline(always)]
+    fn take(&mut self, place: usize, [re, im]: [L; 2]) {
+        let share = self.roots[0][place] * self.roots[1][place];
+        self.gamma[place] = Complex { re: re * share, im: im * share };
+    }
+}
+
+/// One layer's cross-spectrum.
+struct Layer<'a, L> {
+    pair: Pair<'a, L>,
+    depths: Range<usize>,
+    plane: usize,
+}
+
+impl<L: Lanes> Source<L, 2> for Layer<'_, L> {
+    #[inline(always)]
+    fn at(&self, place: usize) -> [L; 2] {
+        let c = self.pair.sum(self.depths.clone(), place, self.plane);
+        [c.re, c.im]
+    }
+}
+
+/// Its average over sub-windows.
+struct Averages<'a, L>(&'a mut [Complex<L>]);
+
+impl<L: Lanes> Sink<L, 2> for Averages<'_, L> {
+    #[inline(always)]
+    fn take(&mut self, place: usize, [re, im]: [L; 2]) {
+        self.0[place] = Complex { re, im };
+    }
+}
+
+/// The products of both.
+struct Products<'a, L>(&'a [Complex<L>]);
+
+impl<L: Lanes> Source<L, 2> for Products<'_, L> {
+    #[inline(always)]
+    fn at(&self, place: usize) -> [L; 2] {
+        let c = self.0[place];
+        [c.re, c.im]
     }
 }

@@ -9,6 +9,7 @@
 mod decorrelation;
 mod dispatch;
 mod filter;
+mod fir;
 mod held;
 mod kernel;
 mod linked;

@@ -63,10 +63,31 @@ impl Layout {
     /// Fill the halo of a row buffer of B + 2R positions with `CH` vectors each.
     #[inline(always)]
     pub fn fill_halo<L: Lanes, const CH: usize>(&self, row: &mut [[L; CH]]) {
+        let Self { halo, blocks, .. } = *self;
+        if halo > blocks {
+            return self.copy_halo(row, 0..L::WIDTH);
+        }
+        // The neighbours of a lane's ends are in the lanes beside it.
+        for vector in 0..halo {
+            for channel in 0..CH {
+                row[vector][channel] = row[vector + blocks][channel].rotate_up();
+                row[vector + blocks + halo][channel] = row[vector + halo][channel].rotate_down();
+            }
+        }
+        if L::WIDTH * blocks != self.width {
+            self.copy_halo(row, 0..1);
+            self.copy_halo(row, L::WIDTH - 1..L::WIDTH);
+        }
+    }
+
+    /// The same number by number, for some of the lanes.
+    #[inline(always)]
+    fn copy_halo<L: Lanes, const CH: usize>(&self, row: &mut [[L; CH]], lanes: Range<usize>) {
         let numbers = L::flat_mut(row.as_flattened_mut());
         let targets = (0..self.halo).chain(self.halo + self.blocks..2 * self.halo + self.blocks);
         for (target, sources) in targets.zip(self.halo_sources.chunks_exact(L::WIDTH)) {
-            for (lane, &(vector, from)) in sources.iter().enumerate() {
+            for lane in lanes.clone() {
+                let (vector, from) = sources[lane];
                 for channel in 0..CH {
                     numbers[(target * CH + channel) * L::WIDTH + lane] =
                         numbers[(vector * CH + channel) * L::WIDTH + from];

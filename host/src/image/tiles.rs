@@ -277,6 +277,24 @@ impl Tiles {
         &self.tiles[within(rows, y) * (columns.len() - 1) + within(columns, x)]
     }
 
+    /// An image, (y, x), in which each pixel has the value of its tile.
+    #[must_use]
+    pub fn image(&self, value: impl Fn(&Tile) -> f32) -> Vec<f32> {
+        let [rows, columns] = &self.edges;
+        let lengths = |edges: &[usize]| -> Vec<usize> {
+            edges.windows(2).map(|ends| ends[1] - ends[0]).collect()
+        };
+        let (heights, widths) = (lengths(rows), lengths(columns));
+        let mut image = Vec::new();
+        for (height, tiles) in heights.into_iter().zip(self.tiles.chunks(widths.len().max(1))) {
+            let values = tiles.iter().map(&value).zip(&widths);
+            let line: Vec<f32> =
+                values.flat_map(|(v, &width)| std::iter::repeat_n(v, width)).collect();
+            image.extend(std::iter::repeat_n(line, height).flatten());
+        }
+        image
+    }
+
     /// Bytes of all tiles.
     #[must_use]
     pub fn bytes(&self) -> u64 {

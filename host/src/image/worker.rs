@@ -1,6 +1,7 @@
 //! One thread's way through the strips: load, filter pair by pair, solve, report.
 
 use super::filter::{Pair, Passes};
+use super::fir::Sink;
 use super::phase::{Sample, Workspace};
 use super::strip::{self, Layout, Source};
 use super::{Run, StripResult};
@@ -130,9 +131,7 @@ impl<L: Lanes> Worker<L> {
         let frame_size = depths.len() * (rows + 2 * layout.halo) * layout.blocks;
         for (field, power) in fields.chunks_exact(frame_size).zip(powers.chunks_exact_mut(places)) {
             let pair = Pair { earlier: field, later: field, recordings };
-            passes.run::<2>(layout, rows, pair, |row, vector, [re, _]| {
-                power[row * layout.blocks + vector] = re;
-            });
+            passes.run::<2>(layout, rows, pair, &mut Powers(power));
         }
     }
 
@@ -152,38 +151,23 @@ impl<L: Lanes> Worker<L> {
             coherences,
             ..
         } = self;
-        let (blocks, count) = (layout.blocks, pairs.len());
-        let frame_size = depths.len() * (rows + 2 * layout.halo) * blocks;
-        let (coherent, keeps) = (run.job.needs_coherence(), run.job.keeps_coherence());
-        let by_phasor = CH == 4 && run.job.plan.average == Average::Phasor;
+        let (places, count) = (rows * layout.blocks, pairs.len());
+        let frame_size = depths.len() * (rows + 2 * layout.halo) * layout.blocks;
+        let coherent = run.job.needs_coherence();
+        let power = |frame: usize| if coherent { &powers[frame * places..][..places] } else { &[] };
         let mut frames_begun = 0;
         for (index, &(t, s)) in pairs.iter().enumerate() {
             let pair = Pair::of(fields, frame_size, [t, s], recordings);
-            passes.run::<CH>(layout, rows, pair, |row, vector, means: [L; CH]| {
-                let place = row * blocks + vector;
-                let cross = Complex { re: means[0], im: means[1] };
-                let coherence = if coherent {
-                    let power = |frame: usize| powers[frame * rows * blocks + place];
-                    coherence_squared(cross, power(t) * power(s))
-                } else {
-                    L::zero()
-                };
-                let weight = match weights.weighting() {
-                    Weighting::Paper if CH == 4 => {
-                        weights.paper(Complex { re: means[CH - 2], im: means[CH - 1] })
-                    }
-                    Weighting::Paper => L::one(),
-                    Weighting::Fisher => weights.fisher(coherence),
-                };
-                let (re, im) = match by_phasor {
-                    true => (means[CH - 2], means[CH - 1]),
-                    false => (means[0], means[1]),
-                };
-                samples[place * count + index] = Sample { phase: im.atan2(re), weight };
-                if keeps {
-                    coherences[place * count + index] = coherence;
-                }
-            });
+            let mut sink = PairSamples {
+                weights: *weights,
+                by_phasor: run.job.plan.average == Average::Phasor,
+                powers: [power(t), power(s)],
+                index,
+                count,
+                samples,
+                coherences,
+            };
+            passes.run::<CH>(layout, rows, pair, &mut sink);
             let begun = frames_of_progress(index + 1, count, run.job.plan.frames());
             run.progress.advance(begun - frames_begun)?;
             frames_begun = begun;
@@ -226,6 +210,53 @@ impl<L: Lanes> Worker<L> {
         let phases = &self.phases[..size];
         let closure = None;
         (run.each)(StripResult { first_row: rows.start, phases, sigmas, closure, valid })
+    }
+}
+
+/// ⟨C(t,0)⟩.
+struct Powers<'a, L>(&'a mut [L]);
+
+impl<L: Lanes> Sink<L, 2> for Powers<'_, L> {
+    #[inline(always)]
+    fn take(&mut self, place: usize, [power, _]: [L; 2]) {
+        self.0[place] = power;
+    }
+}
+
+/// Phase and weight of one of `count` pairs.
+struct PairSamples<'a, L> {
+    weights: Weights,
+    by_phasor: bool,
+    /// ⟨C(t,0)⟩ and ⟨C(s,0)⟩; empty where no coherence is needed.
+    powers: [&'a [L]; 2],
+    index: usize,
+    count: usize,
+    samples: &'a mut [Sample<L>],
+    /// Empty where they are not kept.
+    coherences: &'a mut [L],
+}
+
+impl<L: Lanes, const CH: usize> Sink<L, CH> for PairSamples<'_, L> {
+    #[inline(always)]
+    fn take(&mut self, place: usize, means: [L; CH]) {
+        let cross = Complex { re: means[0], im: means[1] };
+        let phasor = Complex { re: means[CH - 2], im: means[CH - 1] };
+        let coherence = match self.powers.map(|power| power.get(place)) {
+            [Some(&t), Some(&s)] => coherence_squared(cross, t * s),
+            _ => L::zero(),
+        };
+        let weight = match self.weights.weighting() {
+            Weighting::Paper if CH == 4 => self.weights.paper(phasor),
+            Weighting::Paper => L::one(),
+            Weighting::Fisher => self.weights.fisher(coherence),
+        };
+        let averaged = if CH == 4 && self.by_phasor { phasor } else { cross };
+        let phase = averaged.im.atan2(averaged.re);
+        let at = place * self.count + self.index;
+        self.samples[at] = Sample { phase, weight };
+        if let Some(kept) = self.coherences.get_mut(at) {
+            *kept = coherence;
+        }
     }
 }
 

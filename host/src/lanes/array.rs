@@ -105,6 +105,18 @@ macro_rules! array_lanes {
             const WIDTH: usize = W;
 
             #[inline(always)]
+            fn rotate_up(mut self) -> Self {
+                self.0.rotate_right(1);
+                self
+            }
+
+            #[inline(always)]
+            fn rotate_down(mut self) -> Self {
+                self.0.rotate_left(1);
+                self
+            }
+
+            #[inline(always)]
             fn flat(vectors: &[Self]) -> &[$element] {
                 array_slices::flat(vectors)
             }

@@ -30,6 +30,14 @@ pub trait Lanes: Scalar + Send + Sync + 'static {
     /// How many lanes.
     const WIDTH: usize;
 
+    /// Each lane gets the number of the lane before it, the first that of the last.
+    #[must_use]
+    fn rotate_up(self) -> Self;
+
+    /// Each lane gets the number of the lane behind it, the last that of the first.
+    #[must_use]
+    fn rotate_down(self) -> Self;
+
     /// The numbers of all vectors in order, `WIDTH` each.
     fn flat(vectors: &[Self]) -> &[Self::Element];
 
@@ -81,6 +89,8 @@ mod tests {
             compare("select", L::select(u.lt(v), u, -v), &|i| {
                 if x(i) < y(i) { x(i) } else { -y(i) }
             });
+            compare("rotate_up", u.rotate_up(), &|i| x((i + L::WIDTH - 1) % L::WIDTH));
+            compare("rotate_down", u.rotate_down(), &|i| x((i + 1) % L::WIDTH));
             let any = (0..L::WIDTH).any(|i| x(i) < y(i));
             assert_eq!(u.lt(v).any(), any, "any");
             let mut sum = u;

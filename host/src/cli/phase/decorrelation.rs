@@ -25,9 +25,8 @@ impl Decorrelation {
     pub(super) fn of(task: &Task<'_>, tiles: &Tiles) -> Self {
         let Shape { height, width, .. } = task.good.shape();
         let two = task.plan.depths.has_two_layers();
-        let image = |(quantity, name): (Quantity, &'static str)| {
-            (quantity, name, quantity.image(tiles, height, width))
-        };
+        let image =
+            |(quantity, name): (Quantity, &'static str)| (quantity, name, quantity.image(tiles));
         Self {
             label: task.arguments.label(),
             size: (height, width),

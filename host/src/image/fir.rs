@@ -1,0 +1,169 @@
+//! A symmetric filter along one axis:
+//!
+//! ```text
+//! y_o = h_0 x_(o+R) + sum over d = 1 ... R of h_d (x_(o+R-d) + x_(o+R+d))
+//! ```
+//! What a tap adds to one result it adds, but for one number on each side, to its neighbour with the next tap. Where
+//! there are registers enough, blocks of neighbouring results keep these numbers: a tap then reads two of each channel
+//! for the whole block.
+
+use crate::lanes::Lanes;
+
+/// Where the results of a filter go. (Not a closure: those do not inherit the vector instructions of the function they
+/// are written in, and then every operation on a register becomes a call.)
+pub trait Sink<L, const CH: usize> {
+    /// The result that belongs at `place`.
+    fn take(&mut self, place: usize, means: [L; CH]);
+}
+
+/// Lanes of the paths with 32 registers.
+const MANY_REGISTERS: usize = 16;
+
+/// Results of a block, and channels that are filtered together: 8 sums, 8 numbers on each side and a tap are 25 registers.
+const BLOCK: usize = 4;
+const TOGETHER: usize = 2;
+
+/// Filter a line of n + 2R numbers of each channel, `half` being h; result o goes to place `first + o stride`.
+#[inline(always)]
+pub fn filter<L: Lanes, const CH: usize>(
+    line: &[[L; CH]],
+    half: &[L],
+    [first, stride]: [usize; 2],
+    sink: &mut impl Sink<L, CH>,
+) {
+    let count = (line.len() + 2).saturating_sub(2 * half.len());
+    let blocks = if L::WIDTH >= MANY_REGISTERS { count / BLOCK } else { 0 };
+    for block in 0..blocks {
+        let results = in_block(&line[block * BLOCK..], half);
+        for (i, result) in results.into_iter().enumerate() {
+            sink.take(first + (block * BLOCK + i) * stride, result);
+        }
+    }
+    for o in blocks * BLOCK..count {
+        sink.take(first + o * stride, alone(&line[o..], half));
+    }
+}
+
+/// The results at the beginning of a line.
+#[inline(always)]
+fn in_block<L: Lanes, const CH: usize>(line: &[[L; CH]], half: &[L]) -> [[L; CH]; BLOCK] {
+    let mut results = [[L::zero(); CH]; BLOCK];
+    for channel in (0..CH).step_by(TOGETHER) {
+        let sums = in_registers(line, half, channel);
+        for (result, sum) in results.iter_mut().zip(sums) {
+            result[channel..channel + TOGETHER].copy_from_slice(&sum);
+        }
+    }
+    results
+}
+
+/// Those of two channels.
+#[inline(always)]
+fn in_registers<L: Lanes, const CH: usize>(
+    line: &[[L; CH]],
+    half: &[L],
+    channel: usize,
+) -> [[L; TOGETHER]; BLOCK] {
+    let zero = [[L::zero(); TOGETHER]; BLOCK];
+    let [middle, taps @ ..] = half else { return zero };
+    let radius = taps.len();
+    let two = |x: &[L; CH]| [x[channel], x[channel + 1]];
+    let (mut left, mut sums) = (zero, zero);
+    for (o, x) in line[radius..radius + BLOCK].iter().enumerate() {
+        left[o] = two(x);
+        sums[o] = [left[o][0] * *middle, left[o][1] * *middle];
+    }
+    let mut right = left;
+    let (before, after) = (line[..radius].iter().rev(), line[radius + BLOCK..].iter());
+    for ((before, after), &tap) in before.zip(after).zip(taps) {
+        for o in (1..BLOCK).rev() {
+            left[o] = left[o - 1];
+        }
+        left[0] = two(before);
+        for o in 1..BLOCK {
+            right[o - 1] = right[o];
+        }
+        right[BLOCK - 1] = two(after);
+        for o in 0..BLOCK {
+            for c in 0..TOGETHER {
+                sums[o][c] = (left[o][c] + right[o][c]).mul_add(tap, sums[o][c]);
+            }
+        }
+    }
+    sums
+}
+
+/// The result at the beginning of a line.
+#[inline(always)]
+fn alone<L: Lanes, const CH: usize>(line: &[[L; CH]], half: &[L]) -> [L; CH] {
+    let [middle, taps @ ..] = half else { return [L::zero(); CH] };
+    let (left, right) = line.split_at(taps.len());
+    let mut sum = right[0];
+    for channel in &mut sum {
+        *channel = *channel * *middle;
+    }
+    let sides = left.iter().rev().zip(&right[1..]);
+    for ((before, after), &tap) in sides.zip(taps) {
+        for c in 0..CH {
+            sum[c] = (before[c] + after[c]).mul_add(tap, sum[c]);
+        }
+    }
+    sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lanes::{LaneTask, Path};
+
+    struct Kept<const CH: usize>(Vec<Option<[f64; CH]>>);
+
+    impl<L: Lanes, const CH: usize> Sink<L, CH> for Kept<CH> {
+        fn take(&mut self, place: usize, means: [L; CH]) {
+            let first = |x: L| L::flat(&[x])[0].into();
+            assert!(self.0[place].replace(means.map(first)).is_none(), "{place} twice");
+        }
+    }
+
+    /// Lines of every length, short and long filters, all paths: the sum as it is written.
+    struct EqualSum;
+
+    impl LaneTask for EqualSum {
+        type Output = ();
+        fn run<L: Lanes<Element = f32>>(self) {
+            for radius in [0, 1, 2, 5, 14] {
+                for count in 1..=9 {
+                    check::<L, 2>(radius, count);
+                    check::<L, 4>(radius, count);
+                }
+            }
+        }
+    }
+
+    fn check<L: Lanes<Element = f32>, const CH: usize>(radius: usize, count: usize) {
+        let number = |place: usize, channel: usize| ((7 * place + 3 * channel) % 11) as f64 - 5.0;
+        let tap = |d: usize| 1.0 / (d as f64 + 2.0);
+        let line: Vec<[L; CH]> = (0..count + 2 * radius)
+            .map(|place| std::array::from_fn(|channel| L::from_f64(number(place, channel))))
+            .collect();
+        let half: Vec<L> = (0..=radius).map(|d| L::from_f64(tap(d))).collect();
+        let mut kept = Kept::<CH>(vec![None; 3 * count + 1]);
+        filter(&line, &half, [1, 3], &mut kept);
+        for o in 0..count {
+            let result = kept.0[1 + 3 * o].expect("every place has a result");
+            for (channel, &got) in result.iter().enumerate() {
+                let term = |d: usize| tap(d.abs_diff(radius)) * number(o + d, channel);
+                let expected: f64 = (0..=2 * radius).map(term).sum();
+                assert!((got - expected).abs() < 2e-5, "{radius} {count} {o}: {got} {expected}");
+            }
+        }
+        assert_eq!(kept.0.iter().flatten().count(), count);
+    }
+
+    #[test]
+    fn results_are_the_sums_on_every_path() {
+        for path in Path::available() {
+            path.run(EqualSum).unwrap();
+        }
+    }
+}
