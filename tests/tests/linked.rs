@@ -390,6 +390,37 @@ fn times_that_cannot_be_are_refused() {
     assert!(!bench.path("D.csv").exists() && !bench.path("G.npy").exists());
 }
 
+/// F.times.npy beside F.npy counts as its own times, unless others are given; a curve is a table of times, too.
+#[test]
+fn times_beside_a_series_are_its_own() {
+    let bench = Bench::new();
+    let _ =
+        bench.succeed("simulate speckle --width 24 --height 24 --frames 6 --burst 2,10 -o F.npy");
+    let line = "phase F.npy --mask F.mask.npy";
+    let times = |name: &str| rows(&bench, name).iter().map(|row| row[1]).collect::<Vec<_>>();
+    let own = [0.0, 1.0, 11.0, 12.0, 22.0, 23.0];
+    let ran = bench.succeed(&format!("{line} -o C.csv"));
+    assert!(ran.stdout.contains("times in seconds from F.times.npy"), "{ran:?}");
+    assert_eq!(times("C.csv"), own);
+    let summary = bench.summary(&format!("{line} --times C.csv --acceleration 0.5 -o D.csv"));
+    assert_eq!(times("D.csv"), own, "the column time_s, not the first");
+    assert_eq!((&summary["times_from"], &summary["time_unit"]), (&"C.csv".into(), &"s".into()));
+    assert_eq!((&summary["mask"], &summary["acceleration"]), (&"F.mask.npy".into(), &0.5.into()));
+    assert_eq!(summary["reference_frames"], serde_json::json!([0, 1, 2, 3, 4]));
+    std::fs::write(bench.path("T.txt"), "0,5\n1,5\n2,5\n3,5\n4,5\n5,5\n").unwrap();
+    let given = format!("{line} --times T.txt -o D.csv");
+    bench.run(&given).refused(1, &["T.txt: line 1: '0,5'", "time_s", "point"]);
+    bench.run(&format!("{line} -o F.times.npy")).refused(2, &["-o F.times.npy", "input"]);
+    std::fs::write(bench.path("F.times.npy"), "no times").unwrap();
+    bench.run(&format!("{line} -o D.csv")).refused(1, &["F.times.npy"]);
+    std::fs::write(bench.path("T.txt"), "0\n1\n2\n3\n4\n7\n").unwrap();
+    let ran = bench.succeed(&given);
+    assert!(ran.stdout.contains("from T.txt") && times("D.csv")[5] == 7.0, "{ran:?}");
+    std::fs::remove_file(bench.path("F.times.npy")).unwrap();
+    let ran = bench.succeed(&format!("{line} -o D.csv"));
+    assert!(ran.stdout.contains("no times are known") && times("D.csv")[5] == 5.0, "{ran:?}");
+}
+
 /// The file `name` of the table's columns: frame, time, phase, sigma, quality.
 fn rows(bench: &Bench, name: &str) -> Vec<Vec<f64>> {
     let (head, rows) = bench.table(name);

@@ -219,6 +219,10 @@ fn frames_without_numbers_are_left_out_unasked() {
     let summary = bench.summary(line);
     assert_eq!(summary["frames_left_out"], json!([5]));
     assert_eq!(
+        (&summary["times_from"], &summary["time_unit"]),
+        (&json!("numbers of the frames"), &json!("frame"))
+    );
+    assert_eq!(
         (&summary["pixels_left_out"], &summary["pixels_not_finite"]),
         (&1.into(), &1.into())
     );
@@ -236,7 +240,9 @@ fn the_reference_frame_counts_all_sweeps() {
     let bench = bench(&volumes);
     let line = "phase V.zarr --mask M.npy --method direct";
     // The good sweeps begin 0, 1, 3, 4, 5: the fifth is number 5.
-    let _ = bench.succeed(&format!("{line} -o A.csv"));
+    let summary = bench.summary(&format!("{line} -o A.csv"));
+    assert_eq!(summary["reference_frames"], json!([0, 1, 3, 4, 5]));
+    assert_eq!((&summary["times_from"], &summary["time_unit"]), (&json!("V.zarr"), &json!("s")));
     let _ = bench.succeed(&format!("{line} --reference-frame 5 -o B.csv"));
     assert_eq!(fs::read(bench.path("A.csv")).unwrap(), fs::read(bench.path("B.csv")).unwrap());
     let before = bench.names();

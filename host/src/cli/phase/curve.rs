@@ -59,6 +59,8 @@ impl Task<'_> {
         for (closure, region) in closures(result, control) {
             closure::add_facts(closure, region, &mut facts);
         }
+        let has_phase = |t: usize| result.rows[t].phase_rad.is_finite();
+        facts.insert("reference_frames".to_owned(), self.reference_frames(has_phase));
         facts.insert("pixels_left_out".to_owned(), json!(result.left_out));
         if let Some(control) = control {
             facts.insert("control_pixels".to_owned(), json!(control.pixels));

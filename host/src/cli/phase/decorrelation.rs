@@ -29,7 +29,7 @@ impl Decorrelation {
             label: task.arguments.label(),
             size: (height, width),
             wavelength_nm: task.wavelength_nm,
-            unit: if task.good.times_s().is_some() { "s" } else { "frame" },
+            unit: task.time_unit(),
             images: Quantity::ALL.into_iter().map(image).collect(),
         }
     }

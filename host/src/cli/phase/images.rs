@@ -96,6 +96,7 @@ impl Task<'_> {
         }
         let mut facts =
             self.facts(job.survey, job.looks, job.effective_looks, recordings, memory.bytes);
+        facts.insert("reference_frames".to_owned(), self.reference_frames(|_| true));
         let map_file =
             self.arguments.decorrelation.as_deref().map(FigureFile::create).transpose()?;
         let layout = self.layout(memory.strip_rows, facts.clone());
