@@ -21,7 +21,8 @@ pub(in crate::cli) struct Arguments {
     /// Complex series: .npy with axes (time, y, x) or (time, z, y, x), or a .zarr group with `field`
     ///
     /// Frames that the group's `sweep_ok` marks as bad, and frames without any finite number, are
-    /// left out of the computation; their results are NaN.
+    /// left out of the computation: like frames without a usable phase they have the phase NaN and an
+    /// infinite standard deviation.
     ///
     /// Several series are repeated recordings of one scene, pixel on pixel and with the same timing
     /// (intervals to 1 %, the stimulus at the same frame), and give one result: cross-spectra are
@@ -87,7 +88,8 @@ pub(in crate::cli) struct Arguments {
     /// [default: the series' own, where it has one]
     #[arg(long, value_name = "NM", allow_negative_numbers = true)]
     pub(super) wavelength_nm: Option<f64>,
-    /// Write standard deviations of images too (curves and method linked always have them)
+    /// Write standard deviations of images too (curves and method linked always have them): infinite in frames without a
+    /// phase, NaN in pixels that no frame can use
     #[arg(long)]
     pub(super) sigma: bool,
     /// Arithmetic of images (curves always use f64)
