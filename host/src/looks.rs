@@ -66,18 +66,26 @@ impl Looks {
     }
 }
 
-/// A square of pixels over which a cross-spectrum is averaged.
+/// A rectangle of pixels over which a cross-spectrum is averaged: a square, where the image is wide enough both ways.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Block {
-    /// Pixels along a side.
-    pub side: usize,
+    /// Rows and columns.
+    pub sides: [usize; 2],
     /// Independent looks of the mean.
     pub looks: f64,
 }
 
-/// |mu(d)|^2 for -reach <= dy, dx <= reach.
+impl Block {
+    /// Its number of pixels.
+    #[must_use]
+    pub const fn pixels(&self) -> usize {
+        self.sides[0] * self.sides[1]
+    }
+}
+
+/// |mu(d)|^2 for -reach <= d <= reach along y and x.
 pub struct SpatialCoherence {
-    reach: isize,
+    reach: [isize; 2],
     /// (dy, dx), row after row.
     squared: Vec<f64>,
 }
@@ -96,25 +104,25 @@ impl SpatialCoherence {
                 fields.push(read_usable(series, survey, frame, depth)?);
             }
         }
-        let limit = LAST_REACH.min((height.min(width) - 1) / 2);
-        let mut reach = FIRST_REACH.min(limit);
+        let limits = [height, width].map(|side| LAST_REACH.min((side - 1) / 2) as isize);
+        let mut reach = limits.map(|limit| limit.min(FIRST_REACH as isize));
         loop {
             progress::check()?;
-            let coherence = Self::of_fields(&fields, width, reach as isize);
-            if reach == limit || coherence.at_the_rim() < STILL_COHERENT {
+            let coherence = Self::of_fields(&fields, width, reach);
+            if reach == limits || coherence.at_the_rim(limits) < STILL_COHERENT {
                 return Ok(coherence);
             }
-            reach = (2 * reach).min(limit);
+            reach = [0, 1].map(|axis| (2 * reach[axis]).min(limits[axis]));
         }
     }
 
-    fn of_fields(fields: &[Vec<Complex32>], width: usize, reach: isize) -> Self {
+    fn of_fields(fields: &[Vec<Complex32>], width: usize, reach: [isize; 2]) -> Self {
         // mu(-d) is the conjugate of mu(d): the upper half is enough.
-        let side = 2 * reach + 1;
-        let squared: Vec<f64> = (0..side * side)
+        let [tall, wide] = reach.map(|reach| 2 * reach + 1);
+        let squared: Vec<f64> = (0..tall * wide)
             .into_par_iter()
             .map(|i| {
-                let (dy, dx) = (i / side - reach, i % side - reach);
+                let (dy, dx) = (i / wide - reach[0], i % wide - reach[1]);
                 if (dy, dx) < (0, 0) {
                     return 0.0;
                 }
@@ -125,17 +133,19 @@ impl SpatialCoherence {
         Self { reach, squared: mirrored }
     }
 
-    /// Largest |mu|^2 on the rim of the window.
-    fn at_the_rim(&self) -> f64 {
-        let rim = |dy: isize, dx: isize| dy.abs().max(dx.abs()) == self.reach;
-        self.distances().filter(|&(dy, dx, _)| rim(dy, dx)).fold(0.0, |max, (_, _, s)| s.max(max))
+    /// Largest |mu|^2 on the rim of the window, where the image still reaches further.
+    fn at_the_rim(&self, limits: [isize; 2]) -> f64 {
+        let ends =
+            |axis: usize, d: isize| d.abs() == self.reach[axis] && self.reach[axis] < limits[axis];
+        let rim = self.distances().filter(|&(dy, dx, _)| ends(0, dy) || ends(1, dx));
+        rim.fold(0.0, |max, (_, _, s)| s.max(max))
     }
 
     fn distances(&self) -> impl Iterator<Item = (isize, isize, f64)> + '_ {
-        let side = 2 * self.reach + 1;
-        (0..side * side)
+        let [tall, wide] = self.reach.map(|reach| 2 * reach + 1);
+        (0..tall * wide)
             .zip(&self.squared)
-            .map(move |(i, &s)| (i / side - self.reach, i % side - self.reach, s))
+            .map(move |(i, &s)| (i / wide - self.reach[0], i % wide - self.reach[1], s))
     }
 
     /// Effective looks of the mean over a mask (y, x).
@@ -156,23 +166,36 @@ impl SpatialCoherence {
         effective_looks(self.distances().map(|(dy, dx, s)| partners(dy, dx) * s / (count * count)))
     }
 
-    /// The smallest square whose mean has at least `looks` independent looks, at most `limit` pixels wide, where each pixel
-    /// counts as `of_pixel` looks (the depths of a layer).
+    /// The smallest square whose mean has at least `looks` independent looks, where each pixel counts as `of_pixel` looks
+    /// (the depths of a layer); in an image that is narrower than that, a rectangle as wide as the image.
     #[must_use]
-    pub fn block_of_looks(&self, looks: f64, of_pixel: f64, limit: usize) -> Block {
-        let of_side = |side: usize| self.looks_of_mask(&vec![true; side * side], side) * of_pixel;
-        let enough = |&side: &usize| of_side(side) >= looks;
-        let side = (1..limit).find(enough).unwrap_or(limit.max(1));
-        Block { side, looks: of_side(side) }
+    pub fn block_of_looks(&self, looks: f64, of_pixel: f64, shape: Shape) -> Block {
+        let limits = [shape.height, shape.width];
+        let block = |side: usize| {
+            let sides = limits.map(|limit| limit.min(side));
+            Block { sides, looks: self.looks_of_rectangle(sides) * of_pixel }
+        };
+        let largest = limits[0].max(limits[1]).max(1);
+        (1..largest).map(block).find(|block| block.looks >= looks).unwrap_or(block(largest))
+    }
+
+    /// Effective looks of the mean over a rectangle.
+    fn looks_of_rectangle(&self, sides: [usize; 2]) -> f64 {
+        let count = (sides[0] * sides[1]) as f64;
+        let left = |axis: usize, d: isize| sides[axis].saturating_sub(d.unsigned_abs()) as f64;
+        effective_looks(
+            self.distances().map(|(dy, dx, s)| left(0, dy) * left(1, dx) * s / (count * count)),
+        )
     }
 
     /// Effective looks of the mean under a Gaussian.
     #[must_use]
     pub fn looks_of_kernel(&self, kernel: &Kernel) -> f64 {
-        let overlap = |side: usize| -> Vec<f64> {
-            (0..=self.reach as usize).map(|d| kernel.autocorrelation(d, side)).collect()
+        let overlap = |reach: isize, side: usize| -> Vec<f64> {
+            (0..=reach as usize).map(|d| kernel.autocorrelation(d, side)).collect()
         };
-        let (along_y, along_x) = (overlap(kernel.height), overlap(kernel.width));
+        let along_y = overlap(self.reach[0], kernel.height);
+        let along_x = overlap(self.reach[1], kernel.width);
         effective_looks(
             self.distances()
                 .map(|(dy, dx, s)| along_y[dy.unsigned_abs()] * along_x[dx.unsigned_abs()] * s),
@@ -258,4 +281,42 @@ fn squared_coherence_of(field: &[Complex32], width: usize, dy: usize, dx: isize)
         return 0.0;
     }
     (cross.norm_sqr() / (here * there) - 1.0 / places as f64).max(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// |mu|^2 = 1/4 between neighbours along x, nothing further.
+    fn coherence(reach: [isize; 2]) -> SpatialCoherence {
+        let mut squared = vec![0.0; ((2 * reach[0] + 1) * (2 * reach[1] + 1)) as usize];
+        let middle = squared.len() / 2;
+        squared[middle - 1..=middle + 1].copy_from_slice(&[0.25, 1.0, 0.25]);
+        SpatialCoherence { reach, squared }
+    }
+
+    #[test]
+    fn a_rectangle_has_the_looks_of_its_mask() {
+        let coherence = coherence([2, 3]);
+        for sides in [[1, 9], [9, 1], [4, 6]] {
+            let mask = vec![true; sides[0] * sides[1]];
+            let wanted = coherence.looks_of_mask(&mask, sides[1]);
+            assert!((coherence.looks_of_rectangle(sides) - wanted).abs() < 1e-12, "{sides:?}");
+        }
+    }
+
+    #[test]
+    fn blocks_run_along_a_narrow_image() {
+        let coherence = coherence([0, 3]);
+        let of = |height, width| {
+            let shape = Shape { frames: 2, depth: 1, height, width };
+            coherence.block_of_looks(16.0, 1.0, shape)
+        };
+        // n pixels of a row have n / (1 + 2 (n - 1) / (4 n)) looks.
+        assert_eq!(of(1, 100).sides, [1, 24]);
+        assert_eq!(of(2, 100).sides, [2, 12]);
+        assert_eq!(of(50, 100).sides, [5, 5]);
+        assert!(of(100, 1).sides[1] == 1 && of(1, 100).looks >= 16.0);
+        assert_eq!(of(1, 7).sides, [1, 7], "no more than there is");
+    }
 }

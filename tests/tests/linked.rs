@@ -294,6 +294,39 @@ fn the_program_tells_whether_one_motion_explains_the_data() {
     }
 }
 
+/// A line scan, lying and standing: speckles, blocks and looks run along it. Neighbours share half of their light, which
+/// leaves 2 sqrt(pi) sigma / 1.5 = 9.5 looks.
+#[test]
+fn a_line_scan_has_images() {
+    const LENGTH: usize = 600;
+    let truth = |t: usize| 0.3 * t as f64;
+    let bench = Bench::new();
+    for (height, width) in [(1, LENGTH), (LENGTH, 1)] {
+        let shape = Shape { frames: 20, depth: 1, height, width };
+        let mut line = Recording::decorrelating(shape, 0.95, 5, |t, _| truth(t));
+        for frame in line.field.chunks_exact_mut(LENGTH) {
+            let first = frame[0];
+            for x in 0..LENGTH {
+                frame[x] += frame.get(x + 1).copied().unwrap_or(first);
+            }
+        }
+        line.save(&bench.path("F.npy"));
+        let summary = bench.summary("phase F.npy --gaussian 4 -o P.npy");
+        let looks = summary["effective_looks"].as_f64().unwrap();
+        assert!((looks / 9.5 - 1.0).abs() < 0.1, "{height} rows: {looks}");
+        let [phases, sigmas] = ["P.npy", "P.sigma.npy"]
+            .map(|name| phasewalk_tests::npy::load_f32(&bench.path(name)).1);
+        let scores = phases.chunks(LENGTH).zip(sigmas.chunks(LENGTH)).enumerate().skip(5);
+        let squares = scores.flat_map(|(t, (phases, sigmas))| {
+            let error = move |phase: f32| f64::from(phase) - (truth(t) - truth(2));
+            phases.iter().zip(sigmas).map(move |(&p, &s)| (error(p) / f64::from(s)).powi(2))
+        });
+        let (sum, count) = squares.fold((0.0, 0.0), |(sum, n), square| (sum + square, n + 1.0));
+        let z = f64::sqrt(sum / count);
+        assert!((z - 1.0).abs() < 0.25, "{height} rows: error over sigma {z}");
+    }
+}
+
 /// The program's map finds the walk of the scatterers: sigma lambda/16 of 841 nm is 52.6 nm. Asked: 5 %.
 #[test]
 fn the_map_tells_how_the_scatterers_move() {

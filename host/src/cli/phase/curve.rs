@@ -187,9 +187,8 @@ impl<'a> Ground<'a> {
     fn window(&self) -> Option<Block> {
         let Task { good, plan, .. } = self.task;
         let two = plan.method == Method::Linked && plan.depths.has_two_layers();
-        let Shape { height, width, .. } = good.shape();
-        let limit = height.min(width);
-        let of_looks = |looks| self.coherence.block_of_looks(looks, self.added.depths, limit);
+        let of_looks =
+            |looks| self.coherence.block_of_looks(looks, self.added.depths, good.shape());
         two.then(|| of_looks(LINKED_WINDOW_LOOKS))
     }
 
