@@ -348,6 +348,25 @@ fn the_map_tells_how_the_scatterers_move() {
     bench.run(line).refused(2, &["--decorrelation", "--gaussian"]);
 }
 
+#[test]
+fn the_map_of_noise_or_of_two_frames_has_no_numbers() {
+    let bench = Bench::new();
+    let shape = |frames| Shape { frames, depth: 1, height: 40, width: 40 };
+    Recording::random(shape(12), 9).save(&bench.path("R.npy"));
+    Recording::decorrelating(shape(2), 0.9, 3, |_, _| 0.0).save(&bench.path("T.npy"));
+    Recording::decorrelating(shape(3), 0.9, 3, |_, _| 0.0).save(&bench.path("S.npy"));
+    for (name, known) in [("R", false), ("T", false), ("S", true)] {
+        let line = format!("phase {name}.npy --gaussian 3 --decorrelation M.svg -o {name}.zarr");
+        let summary = bench.summary(&line);
+        for quantity in ["decay_rate", "static_share", "noise_share"] {
+            let median = &summary["decorrelation"][quantity]["median"];
+            assert_eq!(median.is_f64(), known, "{name} {quantity}: {median}");
+        }
+    }
+    let ran = bench.succeed("phase R.npy --gaussian 3 -o Q.npy");
+    assert!(ran.stdout.contains("decorrelation: nan"), "{ran:?}");
+}
+
 /// Bursts with a phase of 2 pi in the gap: the velocity within the bursts bridges it, even sampling of as many frames over the
 /// same time does not see the phase at all.
 #[test]

@@ -8,8 +8,11 @@
 //!
 //! with the diffusion coefficient D along the beam, as dynamic light scattering has it.
 
-use super::Tiles;
+use super::{Tile, Tiles};
 use std::f64::consts::PI;
+
+/// The fewest frames that have more than one lag.
+const LEAST_FRAMES: usize = 3;
 
 /// What an image of the map shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,15 +36,21 @@ impl Quantity {
     /// Its image, (y, x): each pixel has the value of its tile.
     #[must_use]
     pub fn image(self, tiles: &Tiles, height: usize, width: usize) -> Vec<f32> {
-        let value = |y: usize, x: usize| {
-            let mixture = &tiles.at(y, x).mixture;
-            match self {
-                Self::DecayRate => mixture.decay_rate(),
-                Self::Static => mixture.floor(),
-                Self::Noise => mixture.noise(),
-            }
-        };
-        (0..height * width).map(|place| value(place / width, place % width) as f32).collect()
+        let value = |y: usize, x: usize| self.of(tiles.at(y, x)) as f32;
+        (0..height * width).map(|place| value(place / width, place % width)).collect()
+    }
+
+    /// Its value in a tile: NaN where no coherence was found, or where fewer than three frames cannot tell decay, static
+    /// part and noise apart.
+    fn of(self, tile: &Tile) -> f64 {
+        if !tile.coherent || tile.quality.len() < LEAST_FRAMES {
+            return f64::NAN;
+        }
+        match self {
+            Self::DecayRate => tile.mixture.decay_rate(),
+            Self::Static => tile.mixture.floor(),
+            Self::Noise => tile.mixture.noise(),
+        }
     }
 }
 

@@ -62,6 +62,8 @@ pub struct Tile {
     pub usable: Vec<bool>,
     /// h(tau).
     pub mixture: Mixture<f64>,
+    /// Was any coherence found?
+    pub coherent: bool,
     /// 2 W_k of each pair for the closure (`phasewalk_core::closure`), N x N; empty where it is not asked for.
     pub contrasts: Vec<[f32; MODES]>,
     /// How many of them there are.
@@ -183,6 +185,7 @@ impl Fit<'_> {
             quality: model.quality.to_vec(),
             usable,
             mixture: model.mixture,
+            coherent: model.is_coherent(),
             contrasts,
             modes,
         })

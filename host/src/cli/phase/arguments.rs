@@ -103,7 +103,7 @@ pub(in crate::cli) struct Arguments {
     #[arg(long, value_name = "F.png")]
     pub(super) figure: Option<PathBuf>,
     /// Draw how fast each part of the image decorrelates, what is static and what is noise, .png or .svg
-    /// (images of --method linked; a .zarr result holds the maps too)
+    /// (images of --method linked; a .zarr result holds the maps too); NaN where no coherence is found, or of two frames
     #[arg(long, value_name = "F.png")]
     pub(super) decorrelation: Option<PathBuf>,
     /// Frames that the figure of images shows, counting bad sweeps

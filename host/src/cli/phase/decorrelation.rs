@@ -75,6 +75,10 @@ impl Decorrelation {
     pub(super) fn in_words(&self) -> String {
         let of = |quantity| spread(self.image(quantity));
         let [low, rate, high] = of(Quantity::DecayRate);
+        if rate.is_nan() {
+            return "decorrelation: nan (no coherence was found, or fewer than three frames)"
+                .to_owned();
+        }
         let percent = |quantity| 100.0 * of(quantity)[1];
         let unit = self.unit;
         let motion = self.wavelength_nm.map_or(String::new(), |wavelength| {
@@ -116,9 +120,9 @@ impl Decorrelation {
     }
 }
 
-/// Smallest, middle and largest value.
+/// Smallest, middle and largest value of those that are known.
 fn spread(image: &[f32]) -> [f64; 3] {
-    let mut values = image.to_vec();
+    let mut values: Vec<f32> = image.iter().copied().filter(|value| !value.is_nan()).collect();
     values.sort_unstable_by(f32::total_cmp);
     let at = |place: usize| values.get(place).map_or(f64::NAN, |&value| f64::from(value));
     [at(0), at(values.len() / 2), at(values.len().saturating_sub(1))]
