@@ -14,7 +14,8 @@ const MISFIT: f64 = 0.045;
 /// Gain in log likelihood above which a periodic part is kept.
 const GAIN: f64 = 30.0;
 
-/// Added to the diagonal of a model with a periodic part, which cosines leave nearly singular.
+/// Added to the diagonal of a model with a periodic part, which cosines leave nearly singular; the sum is scaled back to
+/// 1, as if so much of each frame were its own noise.
 const PERIODIC_RIDGE: f64 = 1e-3;
 
 /// Buffers of a [`Model`] for N frames.
@@ -268,8 +269,10 @@ impl<'a, T: Real> Model<'a, T> {
         if T::from_f64(self.looks) * (before - after) > T::from_f64(GAIN) {
             self.periodic = true;
             self.gamma.copy_from(&self.trial);
+            let share = T::from_f64(1.0 / (1.0 + PERIODIC_RIDGE));
             for i in 0..frames {
-                self.gamma.set(i, i, T::from_f64(1.0 + PERIODIC_RIDGE));
+                self.gamma.row_mut(i).iter_mut().for_each(|gamma| *gamma = *gamma * share);
+                self.gamma.set(i, i, T::one());
             }
         }
     }
@@ -372,6 +375,7 @@ mod tests {
         };
         fitted(truth, |model| {
             assert!(model.is_periodic());
+            assert!((0..N).all(|i| model.gamma.at(i, i) == 1.0));
             for j in 0..10 {
                 assert!((model.gamma.at(20, j) - truth(20, j)).abs() < 0.05, "{j}");
             }

@@ -102,7 +102,7 @@ impl<'a> ChosenFrames<'a> {
         known.copied().unwrap_or(number as f64)
     }
 
-    /// One row for every frame of the whole series: NaN for those not chosen.
+    /// One row for every frame of the whole series: NaN with an infinite standard deviation for those not chosen.
     #[must_use]
     pub fn rows_of_all(&self, rows: &[CurveRow]) -> Vec<CurveRow> {
         let missing = |frame| CurveRow::missing(frame, self.time_of(frame));
@@ -126,14 +126,14 @@ impl<'a> ChosenFrames<'a> {
         all
     }
 
-    /// Images (time, ...) of the chosen frames as images of all: NaN for the others.
+    /// Images (time, ...) of the chosen frames as images of all: `missing` for the others.
     #[must_use]
-    pub fn images_of_all<'b>(&self, images: &'b [f32]) -> Cow<'b, [f32]> {
+    pub fn images_of_all<'b>(&self, images: &'b [f32], missing: f32) -> Cow<'b, [f32]> {
         if self.chosen.len() == self.in_all() {
             return Cow::Borrowed(images);
         }
         let pixels = images.len() / self.chosen.len().max(1);
-        let mut all = vec![f32::NAN; self.in_all() * pixels];
+        let mut all = vec![missing; self.in_all() * pixels];
         for (&frame, image) in self.chosen.iter().zip(images.chunks_exact(pixels.max(1))) {
             all[frame * pixels..][..pixels].copy_from_slice(image);
         }
@@ -235,12 +235,16 @@ mod tests {
             CurveRow { phase_rad: 0.5, sigma_rad: 0.1, quality: 1.0, ..CurveRow::missing(0, 4.0) };
         let all = chosen.rows_of_all(&[row, row]);
         assert_eq!(all[4], CurveRow { frame: 4, ..row });
-        assert!(all[3].phase_rad.is_nan() && all[3].sigma_rad.is_nan() && all[3].time_s == 3.0);
-        let images = chosen.images_of_all(&[1.0, 2.0, 3.0, 4.0]);
+        assert!(
+            all[3].phase_rad.is_nan() && all[3].sigma_rad == f64::INFINITY && all[3].time_s == 3.0
+        );
+        let images = chosen.images_of_all(&[1.0, 2.0, 3.0, 4.0], f32::NAN);
         assert_eq!((&images[2..4], &images[8..]), (&[1.0, 2.0][..], &[3.0, 4.0][..]));
         assert_eq!(images.iter().filter(|value| value.is_nan()).count(), 6);
+        let sigmas = chosen.images_of_all(&[0.1; 4], f32::INFINITY);
+        assert_eq!(sigmas.iter().filter(|&&sigma| sigma == f32::INFINITY).count(), 6);
         let whole = ChosenFrames::new(&series, (0..5).collect()).unwrap();
-        assert!(matches!(whole.images_of_all(&[0.0; 10]), Cow::Borrowed(_)));
+        assert!(matches!(whole.images_of_all(&[0.0; 10], f32::NAN), Cow::Borrowed(_)));
     }
 
     #[test]

@@ -66,18 +66,26 @@ impl Looks {
     }
 }
 
-/// A square of pixels over which a cross-spectrum is averaged.
+/// A rectangle of pixels over which a cross-spectrum is averaged: a square, where the image is wide enough both ways.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Block {
-    /// Pixels along a side.
-    pub side: usize,
+    /// Rows and columns.
+    pub sides: [usize; 2],
     /// Independent looks of the mean.
     pub looks: f64,
 }
 
-/// |mu(d)|^2 for -reach <= dy, dx <= reach.
+impl Block {
+    /// Its number of pixels.
+    #[must_use]
+    pub const fn pixels(&self) -> usize {
+        self.sides[0] * self.sides[1]
+    }
+}
+
+/// |mu(d)|^2 for -reach <= d <= reach along y and x.
 pub struct SpatialCoherence {
-    reach: isize,
+    reach: [isize; 2],
     /// (dy, dx), row after row.
     squared: Vec<f64>,
 }
@@ -96,25 +104,25 @@ impl SpatialCoherence {
                 fields.push(read_usable(series, survey, frame, depth)?);
             }
         }
-        let limit = LAST_REACH.min((height.min(width) - 1) / 2);
-        let mut reach = FIRST_REACH.min(limit);
+        let limits = [height, width].map(|side| LAST_REACH.min((side - 1) / 2) as isize);
+        let mut reach = limits.map(|limit| limit.min(FIRST_REACH as isize));
         loop {
             progress::check()?;
-            let coherence = Self::of_fields(&fields, width, reach as isize);
-            if reach == limit || coherence.at_the_rim() < STILL_COHERENT {
+            let coherence = Self::of_fields(&fields, width, reach);
+            if reach == limits || coherence.at_the_rim(limits) < STILL_COHERENT {
                 return Ok(coherence);
             }
-            reach = (2 * reach).min(limit);
+            reach = [0, 1].map(|axis| (2 * reach[axis]).min(limits[axis]));
         }
     }
 
-    fn of_fields(fields: &[Vec<Complex32>], width: usize, reach: isize) -> Self {
+    fn of_fields(fields: &[Vec<Complex32>], width: usize, reach: [isize; 2]) -> Self {
         // mu(-d) is the conjugate of mu(d): the upper half is enough.
-        let side = 2 * reach + 1;
-        let squared: Vec<f64> = (0..side * side)
+        let [tall, wide] = reach.map(|reach| 2 * reach + 1);
+        let squared: Vec<f64> = (0..tall * wide)
             .into_par_iter()
             .map(|i| {
-                let (dy, dx) = (i / side - reach, i % side - reach);
+                let (dy, dx) = (i / wide - reach[0], i % wide - reach[1]);
                 if (dy, dx) < (0, 0) {
                     return 0.0;
                 }
@@ -126,17 +134,19 @@ impl SpatialCoherence {
         Self { reach, squared: mirrored }
     }
 
-    /// Largest |mu|^2 on the rim of the window.
-    fn at_the_rim(&self) -> f64 {
-        let rim = |dy: isize, dx: isize| dy.abs().max(dx.abs()) == self.reach;
-        self.distances().filter(|&(dy, dx, _)| rim(dy, dx)).fold(0.0, |max, (_, _, s)| s.max(max))
+    /// Largest |mu|^2 on the rim of the window, where the image still reaches further.
+    fn at_the_rim(&self, limits: [isize; 2]) -> f64 {
+        let ends =
+            |axis: usize, d: isize| d.abs() == self.reach[axis] && self.reach[axis] < limits[axis];
+        let rim = self.distances().filter(|&(dy, dx, _)| ends(0, dy) || ends(1, dx));
+        rim.fold(0.0, |max, (_, _, s)| s.max(max))
     }
 
     fn distances(&self) -> impl Iterator<Item = (isize, isize, f64)> + '_ {
-        let side = 2 * self.reach + 1;
-        (0..side * side)
+        let [tall, wide] = self.reach.map(|reach| 2 * reach + 1);
+        (0..tall * wide)
             .zip(&self.squared)
-            .map(move |(i, &s)| (i / side - self.reach, i % side - self.reach, s))
+            .map(move |(i, &s)| (i / wide - self.reach[0], i % wide - self.reach[1], s))
     }
 
     /// Effective looks of the mean over a mask (y, x).
@@ -157,23 +167,34 @@ impl SpatialCoherence {
         self.looks_of(|dy, dx| partners(dy, dx) / (count * count))
     }
 
-    /// The smallest square whose mean has at least `looks` independent looks, at most `limit` pixels wide, where each pixel
-    /// counts as `of_pixel` looks (the depths of a layer).
+    /// The smallest square whose mean has at least `looks` independent looks, where each pixel counts as `of_pixel` looks
+    /// (the depths of a layer); in an image that is narrower than that, a rectangle as wide as the image.
     #[must_use]
-    pub fn block_of_looks(&self, looks: f64, of_pixel: f64, limit: usize) -> Block {
-        let of_side = |side: usize| self.looks_of_mask(&vec![true; side * side], side) * of_pixel;
-        let enough = |&side: &usize| of_side(side) >= looks;
-        let side = (1..limit).find(enough).unwrap_or(limit.max(1));
-        Block { side, looks: of_side(side) }
+    pub fn block_of_looks(&self, looks: f64, of_pixel: f64, shape: Shape) -> Block {
+        let limits = [shape.height, shape.width];
+        let block = |side: usize| {
+            let sides = limits.map(|limit| limit.min(side));
+            Block { sides, looks: self.looks_of_rectangle(sides) * of_pixel }
+        };
+        let largest = limits[0].max(limits[1]).max(1);
+        (1..largest).map(block).find(|block| block.looks >= looks).unwrap_or(block(largest))
+    }
+
+    /// Effective looks of the mean over a rectangle.
+    fn looks_of_rectangle(&self, sides: [usize; 2]) -> f64 {
+        let count = (sides[0] * sides[1]) as f64;
+        let left = |axis: usize, d: isize| sides[axis].saturating_sub(d.unsigned_abs()) as f64;
+        self.looks_of(|dy, dx| left(0, dy) * left(1, dx) / (count * count))
     }
 
     /// Effective looks of the mean under a Gaussian.
     #[must_use]
     pub fn looks_of_kernel(&self, kernel: &Kernel) -> f64 {
-        let overlap = |side: usize| -> Vec<f64> {
-            (0..=self.reach as usize).map(|d| kernel.autocorrelation(d, side)).collect()
+        let overlap = |reach: isize, side: usize| -> Vec<f64> {
+            (0..=reach as usize).map(|d| kernel.autocorrelation(d, side)).collect()
         };
-        let (along_y, along_x) = (overlap(kernel.height), overlap(kernel.width));
+        let along_y = overlap(self.reach[0], kernel.height);
+        let along_x = overlap(self.reach[1], kernel.width);
         self.looks_of(|dy, dx| along_y[dy.unsigned_abs()] * along_x[dx.unsigned_abs()])
     }
 
@@ -267,4 +288,74 @@ fn squared_coherence_of(field: &[Complex32], width: usize, dy: usize, dx: isize)
         return 0.0;
     }
     cross.norm_sqr() / (here * there) - 1.0 / places as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// |mu|^2 = 1/4 between neighbours along x, nothing further.
+    fn coherence(reach: [isize; 2]) -> SpatialCoherence {
+        let mut squared = vec![0.0; ((2 * reach[0] + 1) * (2 * reach[1] + 1)) as usize];
+        let middle = squared.len() / 2;
+        squared[middle - 1..=middle + 1].copy_from_slice(&[0.25, 1.0, 0.25]);
+        SpatialCoherence { reach, squared }
+    }
+
+    #[test]
+    fn a_rectangle_has_the_looks_of_its_mask() {
+        let coherence = coherence([2, 3]);
+        for sides in [[1, 9], [9, 1], [4, 6]] {
+            let mask = vec![true; sides[0] * sides[1]];
+            let wanted = coherence.looks_of_mask(&mask, sides[1]);
+            assert!((coherence.looks_of_rectangle(sides) - wanted).abs() < 1e-12, "{sides:?}");
+        }
+    }
+
+    /// Independent pixels of a small image count one each, whatever chance correlates.
+    #[test]
+    fn looks_of_a_small_image_have_no_bias() {
+        const SIDE: usize = 20;
+        let mut state = 1_u64;
+        let mut number = || {
+            // splitmix64, then Box and Muller.
+            let mut uniform = || {
+                state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+                let mut z = state;
+                z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+                z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+                ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+            };
+            let radius = (-(1.0 - uniform()).ln()).sqrt();
+            let u = Complex64::from_polar(radius, std::f64::consts::TAU * uniform());
+            Complex32::new(u.re as f32, u.im as f32)
+        };
+        let runs = 20;
+        let mut looks = 0.0;
+        for _ in 0..runs {
+            let mut field = || (0..SIDE * SIDE).map(|_| number()).collect::<Vec<_>>();
+            let fields: Vec<Vec<Complex32>> = (0..FRAMES).map(|_| field()).collect();
+            let coherence = SpatialCoherence::of_fields(&fields, SIDE, [6, 6]);
+            looks += coherence.looks_of_mask(&[true; SIDE * SIDE], SIDE) / f64::from(runs);
+        }
+        // The sum over 84 distances has a standard deviation of 1.5 %, and what falls below 0 is cut off; clamped
+        // one by one, chance took a seventh.
+        let share = looks / (SIDE * SIDE) as f64;
+        assert!((0.97..=1.0).contains(&share), "{share}");
+    }
+
+    #[test]
+    fn blocks_run_along_a_narrow_image() {
+        let coherence = coherence([0, 3]);
+        let of = |height, width| {
+            let shape = Shape { frames: 2, depth: 1, height, width };
+            coherence.block_of_looks(16.0, 1.0, shape)
+        };
+        // n pixels of a row have n / (1 + 2 (n - 1) / (4 n)) looks.
+        assert_eq!(of(1, 100).sides, [1, 24]);
+        assert_eq!(of(2, 100).sides, [2, 12]);
+        assert_eq!(of(50, 100).sides, [5, 5]);
+        assert!(of(100, 1).sides[1] == 1 && of(1, 100).looks >= 16.0);
+        assert_eq!(of(1, 7).sides, [1, 7], "no more than there is");
+    }
 }

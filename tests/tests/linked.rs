@@ -294,6 +294,39 @@ fn the_program_tells_whether_one_motion_explains_the_data() {
     }
 }
 
+/// A line scan, lying and standing: speckles, blocks and looks run along it. Neighbours share half of their light, which
+/// leaves 2 sqrt(pi) sigma / 1.5 = 9.5 looks.
+#[test]
+fn a_line_scan_has_images() {
+    const LENGTH: usize = 600;
+    let truth = |t: usize| 0.3 * t as f64;
+    let bench = Bench::new();
+    for (height, width) in [(1, LENGTH), (LENGTH, 1)] {
+        let shape = Shape { frames: 20, depth: 1, height, width };
+        let mut line = Recording::decorrelating(shape, 0.95, 5, |t, _| truth(t));
+        for frame in line.field.chunks_exact_mut(LENGTH) {
+            let first = frame[0];
+            for x in 0..LENGTH {
+                frame[x] += frame.get(x + 1).copied().unwrap_or(first);
+            }
+        }
+        line.save(&bench.path("F.npy"));
+        let summary = bench.summary("phase F.npy --gaussian 4 -o P.npy");
+        let looks = summary["effective_looks"].as_f64().unwrap();
+        assert!((looks / 9.5 - 1.0).abs() < 0.1, "{height} rows: {looks}");
+        let [phases, sigmas] = ["P.npy", "P.sigma.npy"]
+            .map(|name| phasewalk_tests::npy::load_f32(&bench.path(name)).1);
+        let scores = phases.chunks(LENGTH).zip(sigmas.chunks(LENGTH)).enumerate().skip(5);
+        let squares = scores.flat_map(|(t, (phases, sigmas))| {
+            let error = move |phase: f32| f64::from(phase) - (truth(t) - truth(2));
+            phases.iter().zip(sigmas).map(move |(&p, &s)| (error(p) / f64::from(s)).powi(2))
+        });
+        let (sum, count) = squares.fold((0.0, 0.0), |(sum, n), square| (sum + square, n + 1.0));
+        let z = f64::sqrt(sum / count);
+        assert!((z - 1.0).abs() < 0.25, "{height} rows: error over sigma {z}");
+    }
+}
+
 /// The program's map finds the walk of the scatterers: sigma lambda/16 of 841 nm is 52.6 nm. Asked: 5 %.
 #[test]
 fn the_map_tells_how_the_scatterers_move() {
@@ -313,6 +346,25 @@ fn the_map_tells_how_the_scatterers_move() {
     }
     let line = "phase F.npy --mask F.mask.npy --decorrelation M.png -o C.csv";
     bench.run(line).refused(2, &["--decorrelation", "--gaussian"]);
+}
+
+#[test]
+fn the_map_of_noise_or_of_two_frames_has_no_numbers() {
+    let bench = Bench::new();
+    let shape = |frames| Shape { frames, depth: 1, height: 40, width: 40 };
+    Recording::random(shape(12), 9).save(&bench.path("R.npy"));
+    Recording::decorrelating(shape(2), 0.9, 3, |_, _| 0.0).save(&bench.path("T.npy"));
+    Recording::decorrelating(shape(3), 0.9, 3, |_, _| 0.0).save(&bench.path("S.npy"));
+    for (name, known) in [("R", false), ("T", false), ("S", true)] {
+        let line = format!("phase {name}.npy --gaussian 3 --decorrelation M.svg -o {name}.zarr");
+        let summary = bench.summary(&line);
+        for quantity in ["decay_rate", "static_share", "noise_share"] {
+            let median = &summary["decorrelation"][quantity]["median"];
+            assert_eq!(median.is_f64(), known, "{name} {quantity}: {median}");
+        }
+    }
+    let ran = bench.succeed("phase R.npy --gaussian 3 -o Q.npy");
+    assert!(ran.stdout.contains("decorrelation: nan"), "{ran:?}");
 }
 
 /// Bursts with a phase of 2 pi in the gap: the velocity within the bursts bridges it, even sampling of as many frames over the
@@ -388,6 +440,37 @@ fn times_that_cannot_be_are_refused() {
         assert!(matches!(ran.status, Some(1 | 2)), "{option}: {ran:?}");
     }
     assert!(!bench.path("D.csv").exists() && !bench.path("G.npy").exists());
+}
+
+/// F.times.npy beside F.npy counts as its own times, unless others are given; a curve is a table of times, too.
+#[test]
+fn times_beside_a_series_are_its_own() {
+    let bench = Bench::new();
+    let _ =
+        bench.succeed("simulate speckle --width 24 --height 24 --frames 6 --burst 2,10 -o F.npy");
+    let line = "phase F.npy --mask F.mask.npy";
+    let times = |name: &str| rows(&bench, name).iter().map(|row| row[1]).collect::<Vec<_>>();
+    let own = [0.0, 1.0, 11.0, 12.0, 22.0, 23.0];
+    let ran = bench.succeed(&format!("{line} -o C.csv"));
+    assert!(ran.stdout.contains("times in seconds from F.times.npy"), "{ran:?}");
+    assert_eq!(times("C.csv"), own);
+    let summary = bench.summary(&format!("{line} --times C.csv --acceleration 0.5 -o D.csv"));
+    assert_eq!(times("D.csv"), own, "the column time_s, not the first");
+    assert_eq!((&summary["times_from"], &summary["time_unit"]), (&"C.csv".into(), &"s".into()));
+    assert_eq!((&summary["mask"], &summary["acceleration"]), (&"F.mask.npy".into(), &0.5.into()));
+    assert_eq!(summary["reference_frames"], serde_json::json!([0, 1, 2, 3, 4]));
+    std::fs::write(bench.path("T.txt"), "0,5\n1,5\n2,5\n3,5\n4,5\n5,5\n").unwrap();
+    let given = format!("{line} --times T.txt -o D.csv");
+    bench.run(&given).refused(1, &["T.txt: line 1: '0,5'", "time_s", "point"]);
+    bench.run(&format!("{line} -o F.times.npy")).refused(2, &["-o F.times.npy", "input"]);
+    std::fs::write(bench.path("F.times.npy"), "no times").unwrap();
+    bench.run(&format!("{line} -o D.csv")).refused(1, &["F.times.npy"]);
+    std::fs::write(bench.path("T.txt"), "0\n1\n2\n3\n4\n7\n").unwrap();
+    let ran = bench.succeed(&given);
+    assert!(ran.stdout.contains("from T.txt") && times("D.csv")[5] == 7.0, "{ran:?}");
+    std::fs::remove_file(bench.path("F.times.npy")).unwrap();
+    let ran = bench.succeed(&format!("{line} -o D.csv"));
+    assert!(ran.stdout.contains("no times are known") && times("D.csv")[5] == 5.0, "{ran:?}");
 }
 
 /// The file `name` of the table's columns: frame, time, phase, sigma, quality.

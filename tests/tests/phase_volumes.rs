@@ -168,7 +168,7 @@ fn bad_sweeps_are_left_out_and_say_nan() {
                 .all(|(t, (row, time))| { row[0] == t as f64 && row[1] == *time })
         );
         let text = fs::read_to_string(bench.path("V.csv")).unwrap();
-        assert_eq!(text.matches("nan,nan,nan,nan\n").count(), BAD.len(), "{text}");
+        assert_eq!(text.matches("nan,inf,nan,inf\n").count(), BAD.len(), "{text}");
         let good = all.iter().enumerate().filter(|(t, _)| !BAD.contains(t)).map(|(_, row)| row);
         for (got, expected) in good.zip(bench.table("W.csv").1) {
             assert_eq!(got[1..], expected[1..], "{method}");
@@ -196,7 +196,11 @@ fn images_of_bad_sweeps_have_no_value() {
         let mut expected = npy::load_f32(&bench.path(&format!("W.{suffix}"))).1.into_iter();
         for (t, image) in all.chunks(PIXELS).enumerate() {
             if BAD.contains(&t) {
-                assert!(image.iter().all(|value| value.is_nan()));
+                let missing = |value: &f32| match suffix {
+                    "npy" => value.is_nan(),
+                    _ => *value == f32::INFINITY,
+                };
+                assert!(image.iter().all(missing), "{suffix}: {t}");
                 continue;
             }
             assert!(image.iter().all(|&value| expected.next() == Some(value)), "{suffix}: {t}");
@@ -219,6 +223,10 @@ fn frames_without_numbers_are_left_out_unasked() {
     let summary = bench.summary(line);
     assert_eq!(summary["frames_left_out"], json!([5]));
     assert_eq!(
+        (&summary["times_from"], &summary["time_unit"]),
+        (&json!("numbers of the frames"), &json!("frame"))
+    );
+    assert_eq!(
         (&summary["pixels_left_out"], &summary["pixels_not_finite"]),
         (&1.into(), &1.into())
     );
@@ -236,7 +244,9 @@ fn the_reference_frame_counts_all_sweeps() {
     let bench = bench(&volumes);
     let line = "phase V.zarr --mask M.npy --method direct";
     // The good sweeps begin 0, 1, 3, 4, 5: the fifth is number 5.
-    let _ = bench.succeed(&format!("{line} -o A.csv"));
+    let summary = bench.summary(&format!("{line} -o A.csv"));
+    assert_eq!(summary["reference_frames"], json!([0, 1, 3, 4, 5]));
+    assert_eq!((&summary["times_from"], &summary["time_unit"]), (&json!("V.zarr"), &json!("s")));
     let _ = bench.succeed(&format!("{line} --reference-frame 5 -o B.csv"));
     assert_eq!(fs::read(bench.path("A.csv")).unwrap(), fs::read(bench.path("B.csv")).unwrap());
     let before = bench.names();
@@ -297,7 +307,7 @@ fn the_control_is_subtracted_and_variances_add() {
         let tables = ["A.csv", "B.csv", "C.csv"].map(|name| bench.table(name).1);
         for (t, ((a, b), c)) in tables[0].iter().zip(&tables[1]).zip(&tables[2]).enumerate() {
             if t == 9 {
-                assert!(c[2].is_nan() && c[3].is_nan());
+                assert!(c[2].is_nan() && c[3] == f64::INFINITY);
                 continue;
             }
             assert_eq!((c[2], c[3]), (a[2] - b[2], a[3].hypot(b[3])), "{method}: frame {t}");

@@ -295,7 +295,7 @@ fn parameters_out_of_range_are_refused() {
         ("F.npy --gaussian -2 -o P.npy", "--gaussian -2"),
         ("F.npy --gaussian nan -o P.npy", "--gaussian"),
         ("F.npy --gaussian inf -o P.npy", "--gaussian"),
-        ("F.npy --gaussian 14 -o P.npy", "as wide as the image"),
+        ("F.npy --gaussian 18 -o P.npy", "as wide as the image"),
         ("F.npy --gaussian 1e300 -o P.npy", "as wide as the image"),
         ("F.npy --method paper --mask M.npy --max-lag 0 -o C.csv", "--max-lag 0"),
         ("F.npy --method paper --mask M.npy --max-lag 12 -o C.csv", "--max-lag 12"),

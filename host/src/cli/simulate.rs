@@ -43,8 +43,8 @@ pub(super) struct Speckle {
     /// Aperture: cut-off in cycles per wavelength
     #[arg(long, value_name = "CYCLES", default_value_t = 0.06, allow_negative_numbers = true)]
     na: f64,
-    /// When the frames are taken, in the intervals that --sigma is given for: .npy or a text file with a
-    /// number per line
+    /// When the frames are taken, in the intervals that --sigma is given for (of a second each, as `phase` reads
+    /// F.times.npy): .npy, or text as `phase --times` takes it
     #[arg(long, value_name = "FILE", conflicts_with = "burst")]
     times: Option<PathBuf>,
     /// Bursts of N frames an interval apart, GAP intervals from the last frame of one to the first of the next

@@ -67,8 +67,9 @@ impl Region {
                 "none of the {asked} pixels of the mask is usable (not finite, or zero in all frames)"
             )));
         }
-        let square =
-            |&i: &usize| window.map(|Block { side, .. }| (i / width / side, i % width / side));
+        let square = |&i: &usize| {
+            window.map(|Block { sides, .. }| (i / width / sides[0], i % width / sides[1]))
+        };
         chosen.sort_by_key(square);
         let same = |a: &usize, b: &usize| square(a) == square(b);
         let window_ends = chosen.chunk_by(same).scan(0, |end, square| {
@@ -178,7 +179,7 @@ impl Region {
 
     /// Has the sub-window at least half of its pixels?
     fn is_full(&self, pixels: &Range<usize>) -> bool {
-        self.window.is_none_or(|Block { side, .. }| 2 * pixels.len() >= side * side)
+        self.window.is_none_or(|window| 2 * pixels.len() >= window.pixels())
     }
 
     /// The pixels of each sub-window.

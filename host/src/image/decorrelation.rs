@@ -11,6 +11,9 @@
 use super::{Tile, Tiles};
 use std::f64::consts::PI;
 
+/// The fewest frames that have more than one lag.
+const LEAST_FRAMES: usize = 3;
+
 /// What an image of the map shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
@@ -33,11 +36,20 @@ impl Quantity {
     /// Its image, (y, x): each pixel has the value of its tile.
     #[must_use]
     pub fn image(self, tiles: &Tiles) -> Vec<f32> {
-        tiles.image(|Tile { mixture, .. }| match self {
-            Self::DecayRate => mixture.decay_rate() as f32,
-            Self::Static => mixture.floor() as f32,
-            Self::Noise => mixture.noise() as f32,
-        })
+        tiles.image(|tile| self.of(tile) as f32)
+    }
+
+    /// Its value in a tile: NaN where no coherence was found, or where fewer than three frames cannot tell decay, static
+    /// part and noise apart.
+    fn of(self, tile: &Tile) -> f64 {
+        if !tile.coherent || tile.quality.len() < LEAST_FRAMES {
+            return f64::NAN;
+        }
+        match self {
+            Self::DecayRate => tile.mixture.decay_rate(),
+            Self::Static => tile.mixture.floor(),
+            Self::Noise => tile.mixture.noise(),
+        }
     }
 }
 

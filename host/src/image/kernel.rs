@@ -26,9 +26,9 @@ impl Kernel {
     /// Taps for images of the given size; `double` for `f64` arithmetic.
     ///
     /// # Errors
-    /// When sigma is not above 0 or as wide as the image.
+    /// When sigma is not above 0 or as wide as the image's longer side.
     pub fn new(sigma_px: f64, height: usize, width: usize, double: bool) -> Result<Self> {
-        let side = height.min(width);
+        let side = height.max(width);
         if !sigma_px.is_finite() || sigma_px <= 0.0 {
             let what = "must be a number of pixels above 0";
             return Err(Error::usage(format!("--gaussian {sigma_px}: {what}")));
@@ -52,10 +52,12 @@ impl Kernel {
         self.half.len() - 1
     }
 
-    /// Nominal looks: 4 pi sigma^2 (paper line 818), and no more than the image has pixels.
+    /// Nominal looks: 4 pi sigma^2 (paper line 818), and along each axis no more than the image has pixels.
     #[must_use]
     pub fn nominal_looks(&self) -> f64 {
-        gaussian_looks(self.sigma_px).min((self.height * self.width) as f64)
+        let looks = gaussian_looks(self.sigma_px);
+        let part = |side: usize| (side as f64 / looks.sqrt()).min(1.0);
+        looks * part(self.height) * part(self.width)
     }
 
     /// Correlation of the kernel with itself at distance d along a periodic axis of `side` pixels, for
@@ -99,8 +101,18 @@ mod tests {
 
     #[test]
     fn impossible_widths_are_refused() {
-        for sigma in [0.0, -1.0, f64::NAN, f64::INFINITY, 8.0, 100.0] {
+        for sigma in [0.0, -1.0, f64::NAN, f64::INFINITY, 20.0, 100.0] {
             assert_eq!(Kernel::new(sigma, 8, 20, false).unwrap_err().exit_status(), 2);
         }
+    }
+
+    #[test]
+    fn a_line_has_the_looks_of_one_axis() {
+        let wanted = gaussian_looks(2.0).sqrt();
+        for (height, width) in [(1, 64), (64, 1)] {
+            let kernel = Kernel::new(2.0, height, width, true).unwrap();
+            assert!((kernel.nominal_looks() - wanted).abs() < 1e-12);
+        }
+        assert_eq!(Kernel::new(3.0, 64, 64, true).unwrap().nominal_looks(), gaussian_looks(3.0));
     }
 }

@@ -8,6 +8,7 @@ use super::{ImageJob, Kernel, Tiles};
 use crate::error::{Error, Result};
 use crate::io::Shape;
 use crate::lanes::Lanes;
+use crate::method::Method;
 
 /// Rows of the strips when memory does not forbid it: the two frames of a pair then stay in a core's
 /// second-level cache while the halo costs less than twice the rows.
@@ -40,14 +41,23 @@ impl MemoryPlan {
                 let megabytes = |bytes: u64| bytes.div_ceil(1_000_000);
                 return Err(Error::usage(format!(
                     "--memory: {} MB do not hold one row of the image; at least {} MB are needed \
-                     with {threads} threads (fewer --threads or a smaller --max-lag need less)",
+                     with {threads} threads{}",
                     megabytes(job.memory),
                     megabytes(bytes),
+                    advice(threads, job.plan.method),
                 )));
             }
             rows = rows.div_ceil(2);
         }
     }
+}
+
+/// What needs less, of the options that the method takes.
+fn advice(threads: usize, method: Method) -> String {
+    let fewer_threads = (threads > 1).then_some("fewer --threads");
+    let smaller_lag = matches!(method, Method::Paper(_)).then_some("a smaller --max-lag");
+    let all: Vec<&str> = [fewer_threads, smaller_lag].into_iter().flatten().collect();
+    if all.is_empty() { String::new() } else { format!(" ({} need less)", all.join(" or ")) }
 }
 
 fn bytes_per_thread<L: Lanes>(job: &ImageJob<'_>, kernel: &Kernel, rows: usize) -> Result<u64> {
@@ -71,4 +81,18 @@ fn bytes_per_thread<L: Lanes>(job: &ImageJob<'_>, kernel: &Kernel, rows: usize) 
     let passes = Passes::<L>::bytes(&layout, rows) as u64;
     let workspace = Workspace::<L>::bytes(job.plan, job.keeps_coherence()) as u64;
     Ok(fields + samples + coherences + powers + results + buffer + passes + workspace)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use phasewalk_core::weights::Weighting;
+
+    #[test]
+    fn only_what_the_method_takes_is_advised() {
+        let paper = Method::Paper(Weighting::Paper);
+        assert_eq!(advice(2, paper), " (fewer --threads or a smaller --max-lag need less)");
+        assert_eq!(advice(2, Method::Linked), " (fewer --threads need less)");
+        assert_eq!(advice(1, Method::Linked), "");
+    }
 }

@@ -1,8 +1,8 @@
 //! The coherence of the speckle in each part of the image, which linked phases start from.
 //!
-//! The image is cut into tiles, a tile into square blocks of about sixteen looks. In a block the phase is nearly the same
-//! everywhere, so |C_ij|^2 of the block's mean does not depend on it; for Gaussian speckle of L looks, and means over
-//! the tile's blocks and the recordings,
+//! The image is cut into tiles, a tile into square blocks of about sixteen looks, which run along an image that is
+//! narrower than that. In a block the phase is nearly the same everywhere, so |C_ij|^2 of the block's mean does not depend
+//! on it; for Gaussian speckle of L looks, and means over the tile's blocks and the recordings,
 //!
 //! S = sum of |C_ij|^2 / sum of P_i P_j = (|gamma|^2 + 1/L) / (1 + |gamma|^2/L),
 //!
@@ -63,6 +63,8 @@ pub struct Tile {
     pub usable: Vec<bool>,
     /// h(tau).
     pub mixture: Mixture<f64>,
+    /// Was any coherence found?
+    pub coherent: bool,
     /// 2 W_k of each pair for the closure (`phasewalk_core::closure`), N x N; empty where it is not asked for.
     pub contrasts: Vec<[f32; MODES]>,
     /// How many of them there are.
@@ -107,7 +109,7 @@ impl Fit<'_> {
     /// What the series reports, lack of memory, or the user's interruption.
     pub fn tiles(&self, progress: &Progress) -> Result<Tiles> {
         let block = self.block();
-        let edges = self.edges(block.side);
+        let edges = self.edges(&block);
         let mut tiles = Vec::new();
         for rows in edges[0].windows(2) {
             let band = Band::read(self, rows[0]..rows[1])?;
@@ -123,22 +125,18 @@ impl Fit<'_> {
     /// Steps of progress that [`Self::tiles`] makes.
     #[must_use]
     pub fn steps(&self) -> u64 {
-        self.edges(self.block().side)[0].len() as u64 - 1
+        self.edges(&self.block())[0].len() as u64 - 1
     }
 
     fn block(&self) -> Block {
-        let Shape { height, width, .. } = self.series.shape();
-        let limit = height.min(width);
-        self.coherence.block_of_looks(BLOCK_LOOKS, self.looks_of_layers, limit)
+        self.coherence.block_of_looks(BLOCK_LOOKS, self.looks_of_layers, self.series.shape())
     }
 
     /// Tiles of about six blocks' side, made of whole strips and whole lane blocks of every path.
-    fn edges(&self, side: usize) -> [Vec<usize>; 2] {
+    fn edges(&self, block: &Block) -> [Vec<usize>; 2] {
         let Shape { height, width, .. } = self.series.shape();
-        [
-            edges(height, PREFERRED_ROWS, side * BLOCKS),
-            edges(width, common_block(width), side * BLOCKS),
-        ]
+        let [rows, columns] = block.sides.map(|side| side * BLOCKS);
+        [edges(height, PREFERRED_ROWS, rows), edges(width, common_block(width), columns)]
     }
 
     fn tile(&self, band: &Band, block: &Block, columns: Range<usize>) -> Result<Tile> {
@@ -188,6 +186,7 @@ impl Fit<'_> {
             quality: model.quality.to_vec(),
             usable,
             mixture: model.mixture,
+            coherent: model.is_coherent(),
             contrasts,
             modes,
         })
@@ -387,10 +386,11 @@ impl LaneTask for TileTask<'_> {
         let recordings = planes.layers();
         let mut sums = vec![Sums::new(n)?; if planes.has_two_layers() { 2 } else { 1 }];
         let mut blocks = 0;
-        for y in self.band.rows.clone().step_by(self.block.side) {
-            for x in self.columns.clone().step_by(self.block.side) {
+        let [tall, wide] = self.block.sides;
+        for y in self.band.rows.clone().step_by(tall) {
+            for x in self.columns.clone().step_by(wide) {
                 let pixels = self.pixels(y, x);
-                if (pixels.len() as f64) < FILLED * (self.block.side * self.block.side) as f64 {
+                if (pixels.len() as f64) < FILLED * self.block.pixels() as f64 {
                     continue;
                 }
                 blocks += 1;
@@ -425,8 +425,9 @@ impl TileTask<'_> {
     fn pixels(&self, y: usize, x: usize) -> Vec<usize> {
         let Shape { width, .. } = self.fit.series.shape();
         let valid = &self.fit.survey.valid;
-        let rows = y..(y + self.block.side).min(self.band.rows.end);
-        let columns = x..(x + self.block.side).min(self.columns.end);
+        let [tall, wide] = self.block.sides;
+        let rows = y..(y + tall).min(self.band.rows.end);
+        let columns = x..(x + wide).min(self.columns.end);
         let all = rows.flat_map(|y| columns.clone().map(move |x| (y, x)));
         all.filter(|&(y, x)| valid[y * width + x])
             .map(|(y, x)| (y - self.band.rows.start) * width + x)

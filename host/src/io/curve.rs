@@ -15,7 +15,7 @@ pub struct CurveRow {
     pub time_s: f64,
     /// Phase in radians; NaN for a frame that could not be measured.
     pub phase_rad: f64,
-    /// Standard deviation of the phase in radians.
+    /// Standard deviation of the phase in radians; infinite for a frame that could not be measured.
     pub sigma_rad: f64,
     /// Quality of the frame, 0..=1; NaN where the method does not tell.
     pub quality: f64,
@@ -25,7 +25,7 @@ impl CurveRow {
     /// A frame that has not been measured.
     #[must_use]
     pub const fn missing(frame: usize, time_s: f64) -> Self {
-        Self { frame, time_s, phase_rad: f64::NAN, sigma_rad: f64::NAN, quality: f64::NAN }
+        Self { frame, time_s, phase_rad: f64::NAN, sigma_rad: f64::INFINITY, quality: f64::NAN }
     }
 }
 

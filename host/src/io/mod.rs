@@ -56,7 +56,7 @@ pub use recordings::Recordings;
 pub use shape::Shape;
 pub use staged::write_atomic;
 pub(crate) use staged::{StagedFile, StagedFolder};
-pub use times::{Timed, check_times, read_times};
+pub use times::{Timed, check_times, read_times, times_beside};
 pub use unfinished::Unfinished;
 pub use volume::VolumeWriter;
 pub use volumes::{Companions, VolumesLayout, VolumesWriter};
@@ -88,7 +88,7 @@ pub trait Series: Send + Sync {
         out: &mut [Complex32],
     ) -> Result<()>;
 
-    /// Acquisition times in seconds, where the file knows them (Zarr coordinate `time_s`).
+    /// Acquisition times in seconds, where they are known (Zarr coordinate `time_s`).
     fn times_s(&self) -> Option<&[f64]> {
         None
     }

@@ -1,6 +1,6 @@
 //! Several recordings of one scene with the same timing, as one series.
 
-use super::{Series, Shape, open_series};
+use super::{Series, Shape, Timed, open_series, times_beside};
 use crate::error::{Error, Result};
 use num_complex::Complex32;
 use std::ops::Range;
@@ -18,10 +18,11 @@ const SAME_ATTRIBUTES: [&str; 2] = ["wavelength_nm", "stimulus_sweep"];
 pub struct Recordings {
     parts: Vec<(PathBuf, Box<dyn Series>)>,
     sweep_ok: Option<Vec<bool>>,
+    times_from: Option<PathBuf>,
 }
 
 impl Recordings {
-    /// Open all; times are not compared yet ([`Self::check_times`]).
+    /// Open all; times are not read from other files nor compared yet ([`Self::own_times`]).
     ///
     /// # Errors
     /// When there is none, one cannot be opened, is given twice, or differs in shape, wavelength or first sweep with
@@ -44,7 +45,7 @@ impl Recordings {
             }
         }
         let sweep_ok = parts.iter().filter_map(|(_, series)| series.sweep_ok()).fold(None, both_ok);
-        Ok(Self { parts, sweep_ok })
+        Ok(Self { parts, sweep_ok, times_from: None })
     }
 
     /// Every recording with its file.
@@ -52,14 +53,39 @@ impl Recordings {
         self.parts.iter().map(|(path, series)| (path.as_path(), series.as_ref()))
     }
 
-    /// See that all have the same intervals between frames.
+    /// Give every `F.npy` the times of the `F.times.npy` beside it, and see that all recordings have the same intervals
+    /// between frames.
     ///
     /// # Errors
-    /// When they do not: which, and where.
-    pub fn check_times(&self) -> Result<()> {
+    /// When such a file is damaged or does not fit, or the intervals differ: which, and where.
+    pub fn own_times(mut self) -> Result<Self> {
+        self.parts = self.parts.into_iter().map(with_times_beside).collect::<Result<_>>()?;
+        let first = self.parts.first().filter(|(_, series)| series.times_s().is_some());
+        self.times_from = first.map(|(path, _)| times_beside(path).unwrap_or_else(|| path.clone()));
+        self.check_times()?;
+        Ok(self)
+    }
+
+    /// See that all have the same intervals between frames.
+    fn check_times(&self) -> Result<()> {
         let mut each = self.each().map(|(path, series)| (path, series.times_s()));
         let Some(first) = each.next() else { return Ok(()) };
         each.try_for_each(|other| same_times(first, other))
+    }
+
+    /// The file or group that [`Self::own_times`] come from, where they are known.
+    #[must_use]
+    pub fn times_from(&self) -> Option<&Path> {
+        self.times_from.as_deref()
+    }
+}
+
+fn with_times_beside(
+    (path, series): (PathBuf, Box<dyn Series>),
+) -> Result<(PathBuf, Box<dyn Series>)> {
+    match times_beside(&path) {
+        Some(times) => Ok((path, Box::new(Timed::read(series, &times)?))),
+        None => Ok((path, series)),
     }
 }
 

@@ -5,15 +5,18 @@ use crate::error::{Error, Result};
 use crate::trigger::log::{FORMAT, RunLog};
 use num_complex::Complex32;
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// Read one time per frame: an `.npy` array of one axis, a text file with a number per line (a line without a number
-/// at the head, and everything behind a comma, are skipped), or the run log of the trigger board, which has a time in
-/// seconds for each volume that was taken.
+/// Where a table's header has this column, it holds the times.
+const TIME_COLUMN: &str = "time_s";
+
+/// Read one time per frame, seconds: an `.npy` array of one axis, a text file with a number per line, a table with
+/// commas between its columns and a header (the column `time_s`, else the first), or the run log of the trigger board,
+/// which has a time for each volume that was taken.
 ///
 /// # Errors
-/// When the file cannot be read, a line is no number, events of the run were lost, there are not `frames` times, or
-/// they do not ascend.
+/// When the file cannot be read, a line is no number or has other columns than the header, events of the run were lost,
+/// there are not `frames` times, or they do not ascend.
 pub fn read_times(path: &Path, frames: usize) -> Result<Vec<f64>> {
     let is_npy = path.extension().is_some_and(|extension| extension == "npy");
     let times = match is_npy.then(|| kind_of_input(path)).transpose()? {
@@ -62,19 +65,52 @@ fn read_text_or_log(path: &Path) -> Result<Vec<f64>> {
 }
 
 fn read_text(path: &Path, text: &str) -> Result<Vec<f64>> {
-    let mut times = Vec::new();
-    for (number, line) in text.lines().enumerate() {
-        let first = line.split(',').next().unwrap_or_default().trim();
-        match first.parse() {
-            Ok(time) => times.push(time),
-            Err(_) if first.is_empty() || number == 0 => {}
-            Err(_) => {
-                let line = number + 1;
-                return Err(Error::file(path, format!("line {line}: '{first}' is no time")));
-            }
-        }
-    }
-    Ok(times)
+    // Spreadsheets begin their tables with a byte order mark.
+    let text = text.trim_start_matches('\u{feff}');
+    let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()).peekable();
+    let header = lines.next_if(|(_, line)| columns(line)[0].parse::<f64>().is_err());
+    let names = header.map(|(_, line)| columns(line.trim_start_matches('#')));
+    let named = |names: &Vec<&str>| names.iter().position(|&name| name == TIME_COLUMN);
+    let time = names.as_ref().and_then(named).unwrap_or_default();
+    let read = |(number, line): (usize, &str)| {
+        let about = |what: String| Error::file(path, format!("line {}: {what}", number + 1));
+        let fields = columns(line);
+        check_columns(line, fields.len(), names.as_ref().map(Vec::len)).map_err(about)?;
+        fields[time].parse().map_err(|_| about(format!("'{}' is no time", fields[time])))
+    };
+    lines.map(read).collect()
+}
+
+/// The fields of a line; at least one.
+fn columns(line: &str) -> Vec<&str> {
+    line.split(',').map(str::trim).collect()
+}
+
+/// Every column needs a name: the half of a number behind a decimal comma would be lost in silence.
+fn check_columns(
+    line: &str,
+    count: usize,
+    named: Option<usize>,
+) -> std::result::Result<(), String> {
+    let what = match named {
+        None if count > 1 => "no header says which holds the times".to_owned(),
+        Some(named) if named != count => format!("the header names {named}"),
+        _ => return Ok(()),
+    };
+    let plural = if count == 1 { "" } else { "s" };
+    Err(format!(
+        "'{}' has {count} column{plural}, {what}: write decimals with a point, and name the columns of a table in its first \
+         line, that of the times {TIME_COLUMN}",
+        line.trim()
+    ))
+}
+
+/// The file that holds the times of the series `F.npy`, where there is one: `F.times.npy`.
+#[must_use]
+pub fn times_beside(series: &Path) -> Option<PathBuf> {
+    let is_npy = series.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npy"));
+    let path = npy::sibling(series, "times");
+    (is_npy && path.is_file()).then_some(path)
 }
 
 /// A series with other acquisition times than its file says.
@@ -137,6 +173,28 @@ mod tests {
     fn text_is_read_line_by_line() {
         assert_eq!(read("0\n1.5\n\n3e0\n", 3).unwrap(), [0.0, 1.5, 3.0]);
         assert_eq!(read("time_s,n\n0.5,7\n0.75,8\n", 2).unwrap(), [0.5, 0.75]);
+    }
+
+    #[test]
+    fn the_column_of_the_times_is_found_by_its_name() {
+        let curve = "frame,time_s,phase_rad\n0,0.25,nan\n1,0.75,1.5\n";
+        assert_eq!(read(curve, 2).unwrap(), [0.25, 0.75]);
+        let saved = "\u{feff}# n, time_s\r\n0, 2\r\n1, 4\r\n";
+        assert_eq!(read(saved, 2).unwrap(), [2.0, 4.0]);
+        assert_eq!(read("t,n\n3,7\n5,8\n", 2).unwrap(), [3.0, 5.0]);
+    }
+
+    #[test]
+    fn decimal_commas_are_no_columns() {
+        for (text, words) in [
+            ("0,5\n1,5\n", ["line 1: '0,5' has 2 columns", "no header", "time_s"]),
+            ("0\n1,5\n", ["line 2: '1,5' has 2 columns", "no header", "point"]),
+            ("time_s\n0,5\n1,5\n", ["line 2: '0,5' has 2 columns", "names 1", "point"]),
+            ("frame,time_s\n0\n1\n", ["line 2: '0' has 1 column,", "names 2", "time_s"]),
+        ] {
+            let error = read(text, 2).unwrap_err().to_string();
+            assert!(words.iter().all(|word| error.contains(word)), "{error}");
+        }
     }
 
     #[test]

@@ -93,7 +93,7 @@ fn estimate(scenario: &Scenario, series: &HeldSeries) -> Result<(Vec<f64>, Vec<f
     let coherence = SpatialCoherence::estimate(series, &survey, &[0])?;
     let side = series.shape().width;
     let mask = vec![true; side * side];
-    let window = coherence.block_of_looks(LINKED_WINDOW_LOOKS, 1.0, side);
+    let window = coherence.block_of_looks(LINKED_WINDOW_LOOKS, 1.0, series.shape());
     let looks = coherence.looks_of_mask(&mask, side);
     let silent = Progress::hidden();
     let region = Region::read(series, &survey, &mask, &plan, Some(window), &silent)?;

@@ -3,7 +3,7 @@
 use crate::cli::check_output;
 use crate::error::{Error, Result};
 use crate::io::npy::sibling;
-use crate::io::{Format, Recordings, Series};
+use crate::io::{Format, Recordings, Series, times_beside};
 use crate::looks::Looks;
 use crate::method::{Average, Depths, Method};
 use crate::notes;
@@ -21,7 +21,8 @@ pub(in crate::cli) struct Arguments {
     /// Complex series: .npy with axes (time, y, x) or (time, z, y, x), or a .zarr group with `field`
     ///
     /// Frames that the group's `sweep_ok` marks as bad, and frames without any finite number, are
-    /// left out of the computation; their results are NaN.
+    /// left out of the computation: like frames without a usable phase they have the phase NaN and an
+    /// infinite standard deviation.
     ///
     /// Several series are repeated recordings of one scene, pixel on pixel and with the same timing
     /// (intervals to 1 %, the stimulus at the same frame), and give one result: cross-spectra are
@@ -68,9 +69,9 @@ pub(in crate::cli) struct Arguments {
     /// [default: the fifth good one]
     #[arg(long, value_name = "FRAME", allow_negative_numbers = true)]
     pub(super) reference_frame: Option<usize>,
-    /// When the frames were taken: one time per frame, .npy or a text file with a number per line, or the
-    /// run log of the trigger board (`trigger run --log`): seconds after its start
-    /// [default: the series' own times, else the numbers of the frames]
+    /// When the frames were taken, in seconds: one time per frame, .npy, a text file with a number per line or a .csv
+    /// table with a header (its column time_s, else the first), or the run log of the trigger board (`trigger run --log`)
+    /// [default: the series' own times (time_s of a .zarr group, F.times.npy beside F.npy), else the numbers of the frames]
     #[arg(long, value_name = "FILE")]
     pub(super) times: Option<PathBuf>,
     /// What is known of the phase beforehand: standard deviation of its acceleration, rad per squared unit of
@@ -81,8 +82,9 @@ pub(in crate::cli) struct Arguments {
     /// [default: the group's layer_ost_z minus layer_isos_z, where it has them]
     #[arg(long, value_name = "A..B,C..D", allow_hyphen_values = true)]
     pub(super) layers: Option<Depths>,
-    /// Looks for the weights' threshold: nominal (pixels of the mask, 4 pi sigma^2, of each recording),
-    /// effective (independent speckles, estimated from the frames) or a number
+    /// Looks for the weights' threshold, and for coherence and standard deviation of method linked: nominal (pixels of
+    /// the mask, 4 pi sigma^2, of each recording), effective (independent speckles, estimated from the frames) or a
+    /// number; twice the looks make the sigma of linked smaller by the root of two
     /// [default: nominal for paper weights, effective for fisher and for method linked]
     #[arg(long, value_name = "LOOKS", allow_negative_numbers = true)]
     pub(super) looks: Option<Looks>,
@@ -90,7 +92,8 @@ pub(in crate::cli) struct Arguments {
     /// [default: the series' own, where it has one]
     #[arg(long, value_name = "NM", allow_negative_numbers = true)]
     pub(super) wavelength_nm: Option<f64>,
-    /// Write standard deviations of images too (curves and method linked always have them)
+    /// Write standard deviations of images too (curves and method linked always have them): infinite in frames without a
+    /// phase, NaN in pixels that no frame can use
     #[arg(long)]
     pub(super) sigma: bool,
     /// Arithmetic of images (curves always use f64)
@@ -104,7 +107,7 @@ pub(in crate::cli) struct Arguments {
     #[arg(long, value_name = "F.png")]
     pub(super) figure: Option<PathBuf>,
     /// Draw how fast each part of the image decorrelates, what is static and what is noise, .png or .svg
-    /// (images of --method linked; a .zarr result holds the maps too)
+    /// (images of --method linked; a .zarr result holds the maps too); NaN where no coherence is found, or of two frames
     #[arg(long, value_name = "F.png")]
     pub(super) decorrelation: Option<PathBuf>,
     /// Frames that the figure of images shows, counting bad sweeps
@@ -324,6 +327,9 @@ impl Arguments {
         inputs.extend(self.mask.as_deref());
         inputs.extend(self.control.as_deref());
         inputs.extend(self.times.as_deref());
+        let beside: Vec<PathBuf> =
+            self.series.iter().filter_map(|path| times_beside(path)).collect();
+        inputs.extend(beside.iter().map(PathBuf::as_path));
         let sigma = sibling(&self.output, "sigma");
         check_output("-o", &self.output, &inputs)?;
         check_output("-o", &sigma, &inputs)?;

@@ -71,6 +71,8 @@ impl Task<'_> {
         for (closure, region) in closures(result, control) {
             closure::add_facts(closure, region, &mut facts);
         }
+        let has_phase = |t: usize| result.rows[t].phase_rad.is_finite();
+        facts.insert("reference_frames".to_owned(), self.reference_frames(has_phase));
         facts.insert("pixels_left_out".to_owned(), json!(result.left_out));
         if let Some(control) = control {
             facts.insert("control_pixels".to_owned(), json!(control.pixels));
@@ -212,9 +214,8 @@ impl<'a> Ground<'a> {
     fn window(&self) -> Option<Block> {
         let Task { good, plan, .. } = self.task;
         let two = plan.method == Method::Linked && plan.depths.has_two_layers();
-        let Shape { height, width, .. } = good.shape();
-        let limit = height.min(width);
-        let of_looks = |looks| self.coherence.block_of_looks(looks, self.added.depths, limit);
+        let of_looks =
+            |looks| self.coherence.block_of_looks(looks, self.added.depths, good.shape());
         two.then(|| of_looks(LINKED_WINDOW_LOOKS))
     }
 

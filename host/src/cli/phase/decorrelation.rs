@@ -33,7 +33,7 @@ impl Decorrelation {
             // The rate of two layers' product is the sum of theirs, which says how far neither walks.
             wavelength_nm: task.wavelength_nm.filter(|_| !two),
             two,
-            unit: if task.good.times_s().is_some() { "s" } else { "frame" },
+            unit: task.time_unit(),
             images: Quantity::ALL.into_iter().map(image).collect(),
         }
     }
@@ -79,6 +79,10 @@ impl Decorrelation {
     pub(super) fn in_words(&self) -> String {
         let of = |quantity| spread(self.image(quantity));
         let [low, rate, high] = of(Quantity::DecayRate);
+        if rate.is_nan() {
+            return "decorrelation: nan (no coherence was found, or fewer than three frames)"
+                .to_owned();
+        }
         let percent = |quantity| 100.0 * of(quantity)[1];
         let unit = self.unit;
         let motion = self.wavelength_nm.map_or(String::new(), |wavelength| {
@@ -121,9 +125,9 @@ impl Decorrelation {
     }
 }
 
-/// Smallest, middle and largest value.
+/// Smallest, middle and largest value of those that are known.
 fn spread(image: &[f32]) -> [f64; 3] {
-    let mut values = image.to_vec();
+    let mut values: Vec<f32> = image.iter().copied().filter(|value| !value.is_nan()).collect();
     values.sort_unstable_by(f32::total_cmp);
     let at = |place: usize| values.get(place).map_or(f64::NAN, |&value| f64::from(value));
     [at(0), at(values.len() / 2), at(values.len().saturating_sub(1))]

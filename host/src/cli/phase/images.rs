@@ -96,6 +96,7 @@ impl Task<'_> {
         }
         let mut facts =
             self.facts(job.survey, job.looks, job.effective_looks, recordings, memory.bytes);
+        facts.insert("reference_frames".to_owned(), self.reference_frames(|_| true));
         let map_file =
             self.arguments.decorrelation.as_deref().map(FigureFile::create).transpose()?;
         let layout = self.layout(memory.strip_rows, facts.clone());
@@ -154,7 +155,7 @@ impl Task<'_> {
         map.write(writer)?;
         facts.insert("decorrelation".to_owned(), map.facts());
         let quality = tiles.quality();
-        writer.write_quality(&self.good.images_of_all(&quality), tiles.origins())?;
+        writer.write_quality(&self.good.images_of_all(&quality, f32::NAN), tiles.origins())?;
         Ok(map)
     }
 
@@ -173,10 +174,11 @@ impl Task<'_> {
         }
     }
 
-    /// Bad sweeps as images without values.
+    /// Bad sweeps as images without values: NaN, with an infinite standard deviation.
     fn write_strip(&self, writer: &ImageWriter, strip: &StripResult<'_>) -> Result<()> {
-        let phases = self.good.images_of_all(strip.phases);
-        let sigmas = strip.sigmas.map(|sigmas| self.good.images_of_all(sigmas));
+        let phases = self.good.images_of_all(strip.phases, f32::NAN);
+        let infinite = |sigmas| self.good.images_of_all(sigmas, f32::INFINITY);
+        let sigmas = strip.sigmas.map(infinite);
         writer.write_strip(strip.first_row, &phases, sigmas.as_deref(), strip.valid)
     }
 

@@ -32,29 +32,39 @@ use crate::method::{Method, Plan};
 use crate::planes::Planes;
 use crate::series::{Survey, survey};
 use phasewalk_core::params::RANDOM_PROBABILITY;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 pub(super) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     arguments.validate()?;
     let recordings = Recordings::open(&arguments.series)?;
     let planes = arguments.planes(&recordings)?;
-    let series: Box<dyn Series> = match &arguments.times {
-        Some(times) => Box::new(Timed::read(Box::new(recordings), times)?),
-        None => {
-            recordings.check_times()?;
-            Box::new(recordings)
-        }
-    };
+    let (series, times_from) = with_times(arguments, recordings)?;
     let series = series.as_ref();
     let about = |error: Error| arguments.about(error);
     let wavelength_nm = arguments.wavelength(series).map_err(about)?;
     let good = ChosenFrames::good(series, &planes.all()).map_err(about)?;
     let plan = plan(arguments, &good, planes).map_err(about)?;
-    let task = Task { arguments, common, good, plan, wavelength_nm, start: Instant::now() };
+    let start = Instant::now();
+    let task = Task { arguments, common, good, plan, times_from, wavelength_nm, start };
     match (&arguments.mask, arguments.gaussian) {
         (Some(path), _) => task.curve(path),
         (None, sigma) => task.images(sigma.unwrap_or_default()),
     }
+}
+
+/// The series with the times asked for, else its own, and the file that they come from; none: frames are counted.
+fn with_times(
+    arguments: &Arguments,
+    recordings: Recordings,
+) -> Result<(Box<dyn Series>, Option<PathBuf>)> {
+    if let Some(path) = &arguments.times {
+        let timed = Timed::read(Box::new(recordings), path)?;
+        return Ok((Box::new(timed), Some(path.clone())));
+    }
+    let recordings = recordings.own_times()?;
+    let from = recordings.times_from().map(Path::to_owned);
+    Ok((Box::new(recordings), from))
 }
 
 /// The method for the good frames, which keep their times.
@@ -117,6 +127,8 @@ struct Task<'a> {
     /// The series without its bad sweeps.
     good: ChosenFrames<'a>,
     plan: Plan,
+    /// The file of the times; none: frames are counted.
+    times_from: Option<PathBuf>,
     wavelength_nm: Option<f64>,
     start: Instant,
 }

@@ -33,8 +33,12 @@ impl Task<'_> {
             ("weights", if paper { name(&self.arguments.weights) } else { Value::Null }),
             ("ensemble", name(&self.arguments.ensemble)),
             ("max_lag", if paper { json!(self.plan.params.max_lag) } else { Value::Null }),
+            ("acceleration", json!(self.arguments.acceleration)),
             ("layers", self.layers().map_or(Value::Null, Value::from)),
+            ("times_from", json!(self.times_from())),
+            ("time_unit", json!(self.time_unit())),
             ("frames_left_out", if left_out.is_empty() { Value::Null } else { json!(left_out) }),
+            ("mask", json!(self.arguments.mask)),
             ("control", json!(self.arguments.control)),
             (
                 "rim_px",
@@ -88,7 +92,29 @@ impl Task<'_> {
             looks("looks"),
             looks("effective_looks"),
         ));
+        match &self.times_from {
+            Some(path) => print(&format!("times in seconds from {}", path.display())),
+            None => print("no times are known: frames are counted (--times gives them in seconds)"),
+        }
         print(&format!("wrote {} in {seconds:.1} s", list(files)));
+    }
+
+    /// The numbers, counting bad sweeps, of the frames whose mean phase is zero: of the first good ones those that have a
+    /// phase.
+    pub(super) fn reference_frames(&self, has_phase: impl Fn(usize) -> bool) -> Value {
+        let numbers = self.good.numbers().iter().enumerate();
+        let first = numbers.take(self.plan.params.reference_frames);
+        json!(first.filter(|&(t, _)| has_phase(t)).map(|(_, number)| number).collect::<Vec<_>>())
+    }
+
+    /// What the times are counted in.
+    pub(super) fn time_unit(&self) -> &'static str {
+        if self.times_from.is_some() { "s" } else { "frame" }
+    }
+
+    fn times_from(&self) -> String {
+        let name = |path: &PathBuf| path.display().to_string();
+        self.times_from.as_ref().map_or_else(|| "numbers of the frames".to_owned(), name)
     }
 
     /// The depths compared, of two layers.
