@@ -28,12 +28,12 @@ pub fn solve_series<T, A, B>(
     B: AsRef<[Node<T>]> + AsMut<[Node<T>]>,
 {
     let frames = times.len();
-    solver.begin_batch(frames);
+    solver.begin_full_batch(frames);
     for t in 0..frames {
         let mut row = Unwrapper::<T>::new();
         for dt in 1..=solver.lags().min(frames - 1 - t) {
             let (wrapped, weight) = pair(t, dt);
-            solver.add_pair(t, dt, row.push(wrapped), weight);
+            solver.set_pair(t, dt, row.push(wrapped), weight);
         }
     }
     add_differences(solver, params, times);

@@ -165,6 +165,23 @@ where
         }
     }
 
+    /// Begin a series all of whose pairs follow by [`Self::set_pair`], each once: their links need no clearing.
+    #[inline(always)]
+    pub(crate) fn begin_full_batch(&mut self, frames: usize) {
+        self.clear();
+        self.frames = frames.min(self.rows);
+        self.nodes.as_mut().fill(Node::new());
+    }
+
+    /// [`Self::add_pair`] to a link that held nothing.
+    #[inline(always)]
+    pub(crate) fn set_pair(&mut self, t: usize, dt: usize, phase: T, weight: T) {
+        if let Some(link) = self.link_mut(t, dt) {
+            *link = Link::new();
+        }
+        self.add_pair(t, dt, phase, weight);
+    }
+
     /// Add the pair (t, t+dt): unwrapped phase c = phi_t - phi_{t+dt} in radians, weight w >= 0. A pair
     /// whose phase or weight is not a number measures nothing.
     /// Both frames must have begun and neither be eliminated; other pairs change nothing.

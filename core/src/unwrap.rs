@@ -57,19 +57,30 @@ fn nearest_branch<T: Scalar, const D: usize>(phase: T, recent: &[T; D]) -> T {
     if !T::from_f64(PI * D as f64).lt(least).any() {
         return phase;
     }
-    for turn in [T::from_f64(TAU), T::from_f64(-TAU)] {
-        loop {
-            let moved = phase + turn;
-            let sum = distance(moved, recent);
-            let lower = sum.lt(least);
-            if !lower.any() {
-                break;
-            }
-            phase = T::select(lower, moved, phase);
-            least = T::select(lower, sum, least);
+    // A convex sum falls in one direction only: away from the side on which fewer of the others lie.
+    let turn =
+        T::select(T::zero().lt(excess_below(phase, recent)), T::from_f64(-TAU), T::from_f64(TAU));
+    loop {
+        let moved = phase + turn;
+        let sum = distance(moved, recent);
+        let lower = sum.lt(least);
+        if !lower.any() {
+            return phase;
         }
+        phase = T::select(lower, moved, phase);
+        least = T::select(lower, sum, least);
     }
-    phase
+}
+
+/// How many more of the others lie below than above.
+#[inline(always)]
+fn excess_below<T: Scalar, const D: usize>(phase: T, recent: &[T; D]) -> T {
+    let mut excess = T::zero();
+    for &other in recent {
+        excess += T::select(other.lt(phase), T::one(), T::zero());
+        excess += T::select(phase.lt(other), T::from_f64(-1.0), T::zero());
+    }
+    excess
 }
 
 /// Sum of the absolute differences.

@@ -11,8 +11,11 @@ use crate::lanes::Lanes;
 use crate::method::Method;
 
 /// Rows of the strips when memory does not forbid it: the two frames of a pair then stay in a core's
-/// second-level cache while the halo costs less than twice the rows.
-pub(super) const PREFERRED_ROWS: usize = 16;
+/// second-level cache while the halo costs not much more than the rows.
+const PREFERRED_ROWS: usize = 24;
+
+/// The same for linked phases; tiles are whole strips.
+pub(super) const LINKED_ROWS: usize = 16;
 
 /// What a job will take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,10 +29,11 @@ pub struct MemoryPlan {
 }
 
 impl MemoryPlan {
-    /// The highest strips up to 16 rows that fit.
+    /// The highest strips that fit, up to the preferred ones.
     pub(super) fn new<L: Lanes>(job: &ImageJob<'_>, kernel: &Kernel) -> Result<Self> {
         let Shape { height, .. } = job.series.shape();
-        let mut rows = PREFERRED_ROWS.min(height);
+        let preferred = if job.tiles.is_some() { LINKED_ROWS } else { PREFERRED_ROWS };
+        let mut rows = preferred.min(height);
         loop {
             let threads = job.threads.clamp(1, height.div_ceil(rows));
             let strips = threads as u64 * bytes_per_thread::<L>(job, kernel, rows)?;
