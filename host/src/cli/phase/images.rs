@@ -6,7 +6,7 @@ use super::shown::Shown;
 use super::{Task, check_looks, closure};
 use crate::cli::{megabytes, print};
 use crate::error::Result;
-use crate::image::{Fit, ImageJob, Imaging, Kernel, StripResult, Tiles, window_kernel};
+use crate::image::{Fit, ImageJob, Imaging, Kernel, MemoryPlan, StripResult, Tiles, window_kernel};
 use crate::io::{Attributes, Format, ImageLayout, ImageWriter, Series, Shape};
 use crate::lanes::Path as LanePath;
 use crate::looks::SpatialCoherence;
@@ -89,11 +89,7 @@ impl Task<'_> {
     ) -> Result<()> {
         let memory = job.memory_plan()?;
         let Shape { height, width, .. } = self.good.shape();
-        if !self.common.json {
-            let (strips, threads) = (height.div_ceil(memory.strip_rows), memory.threads);
-            let bytes = megabytes(memory.bytes);
-            print(&format!("{strips} strips on {threads} threads; {bytes} of memory"));
-        }
+        self.tell([in_words(&memory, height)]);
         let mut facts =
             self.facts(job.survey, job.looks, job.effective_looks, recordings, memory.bytes);
         facts.insert("reference_frames".to_owned(), self.reference_frames(|_| true));
@@ -126,22 +122,28 @@ impl Task<'_> {
             files.push(file.finish(&map.draw())?);
         }
         facts.insert("pixels_without_weight".to_owned(), json!(unmeasured));
-        if !self.common.json {
-            let there = if self.plan.method == Method::Linked {
-                "no usable frame: nan there"
-            } else {
-                "no pair above random phases: 0 there"
-            };
-            let without = (unmeasured > 0).then(|| format!("{unmeasured} pixels have {there}"));
-            let map = map.map(|map| map.in_words());
-            let closure = closure.map(|closure| closure::map_in_words(&closure));
-            for line in [map, closure, without].into_iter().flatten() {
-                print(&line);
-            }
-        }
+        let closure = closure.map(|closure| closure::map_in_words(&closure));
+        let lines = [map.map(|map| map.in_words()), closure, self.without_weight(unmeasured)];
+        self.tell(lines.into_iter().flatten());
         let left_out = left_out(job.survey);
         self.report(&format!("{width} x {height} pixels{left_out}"), facts, &files);
         Ok(())
+    }
+
+    /// So many pixels have no phase of their own.
+    fn without_weight(&self, pixels: usize) -> Option<String> {
+        let there = match self.plan.method {
+            Method::Linked => "no usable frame: nan there",
+            _ => "no pair above random phases: 0 there",
+        };
+        (pixels > 0).then(|| format!("{pixels} pixels have {there}"))
+    }
+
+    /// Lines for people.
+    fn tell(&self, lines: impl IntoIterator<Item = String>) {
+        for line in lines.into_iter().filter(|_| !self.common.json) {
+            print(&line);
+        }
     }
 
     /// What the tiles tell beside the images.
@@ -199,6 +201,12 @@ impl Task<'_> {
     fn memory(&self) -> u64 {
         self.arguments.memory.saturating_mul(1_000_000)
     }
+}
+
+fn in_words(memory: &MemoryPlan, height: usize) -> String {
+    let (strips, threads) = (height.div_ceil(memory.strip_rows), memory.threads);
+    let bytes = megabytes(memory.bytes);
+    format!("{strips} strips on {threads} threads; {bytes} of memory")
 }
 
 fn left_out(survey: &Survey) -> String {

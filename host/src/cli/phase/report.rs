@@ -6,6 +6,7 @@ use crate::io::Attributes;
 use crate::method::Method;
 use crate::series::Survey;
 use clap::ValueEnum;
+use phasewalk_core::reference::reference_span;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -100,11 +101,16 @@ impl Task<'_> {
     }
 
     /// The numbers, counting bad sweeps, of the frames whose mean phase is zero: of the first good ones those that have a
-    /// phase.
+    /// phase; of linked phases, where none has, the first that have.
     pub(super) fn reference_frames(&self, has_phase: impl Fn(usize) -> bool) -> Value {
-        let numbers = self.good.numbers().iter().enumerate();
-        let first = numbers.take(self.plan.params.reference_frames);
-        json!(first.filter(|&(t, _)| has_phase(t)).map(|(_, number)| number).collect::<Vec<_>>())
+        let numbers = self.good.numbers();
+        let usable: Vec<f64> =
+            (0..numbers.len()).map(|t| f64::from(u8::from(has_phase(t)))).collect();
+        let wanted = self.plan.params.reference_frames;
+        let linked = self.plan.method == Method::Linked;
+        let span = if linked { reference_span(&usable, wanted) } else { wanted };
+        let first = numbers.iter().take(span).zip(&usable);
+        json!(first.filter(|&(_, &u)| u > 0.0).map(|(number, _)| number).collect::<Vec<_>>())
     }
 
     /// What the times are counted in.
