@@ -23,7 +23,8 @@ pub fn subtract_reference<T: Scalar>(phases: &mut [T], valid: &[T], reference_fr
 
 /// sum / count, and 0 where nothing was counted.
 #[inline(always)]
-pub(crate) fn reference_mean<T: Scalar>(sum: T, count: T) -> T {
+#[must_use]
+pub fn reference_mean<T: Scalar>(sum: T, count: T) -> T {
     let some = T::zero().lt(count);
     T::select(some, sum / T::select(some, count, T::one()), T::zero())
 }
