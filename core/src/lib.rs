@@ -31,8 +31,9 @@
 //! phi(t)               frame by frame in fixed memory: tracker
 //! ```
 //! [`batch`] runs the second half for all pairs of a series at once, [`walk`] the whole chain frame
-//! by frame in fixed memory; [`baseline`] holds what the method is compared with (lines 410, 421,
-//! 975-984), [`params`] every number the paper gives.
+//! by frame in fixed memory ([`pair_walk`] from the averages on), [`held`] the newest frame alone;
+//! [`baseline`] holds what the method is compared with (lines 410, 421, 975-984), [`params`] every number
+//! the paper gives.
 //!
 //! [`tracker`] is the other frame-by-frame estimator: maximum likelihood with a fitted coherence, as [`linking`] is for a
 //! series. [`online`] is the one tracker that the trigger board and the host share.
@@ -60,11 +61,13 @@ pub mod coherence;
 pub mod cross_spectrum;
 pub mod ensemble;
 mod error;
+pub mod held;
 pub mod lags;
 pub mod layers;
 pub mod linking;
 pub mod model;
 pub mod online;
+pub mod pair_walk;
 pub mod params;
 mod periodic;
 mod prior;

@@ -35,7 +35,8 @@ pub fn reference_span<T: Real>(usable: &[T], reference_frames: usize) -> usize {
 
 /// sum / count, and 0 where nothing was counted.
 #[inline(always)]
-pub(crate) fn reference_mean<T: Scalar>(sum: T, count: T) -> T {
+#[must_use]
+pub fn reference_mean<T: Scalar>(sum: T, count: T) -> T {
     let some = T::zero().lt(count);
     T::select(some, sum / T::select(some, count, T::one()), T::zero())
 }

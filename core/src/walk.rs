@@ -3,42 +3,23 @@
 
 use crate::cross_spectrum::CrossSpectrumStream;
 use crate::error::Error;
+use crate::pair_walk::PairWalk;
 use crate::params::Params;
-use crate::regularize::difference_links;
 use crate::scalar::Scalar;
-use crate::solver::FixedSolver;
-use crate::unwrap::Unwrapper;
-use crate::variance::NoiseStream;
-use crate::weights::{Weights, debias, pair_variance};
-use heapless::Deque;
+use crate::weights::Weights;
+use heapless::Vec;
 use num_complex::Complex;
 
-/// What is known after a frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Estimate<T> {
-    /// Number of the frame, from 0.
-    pub frame: usize,
-    /// Its phase against the mean of the reference frames so far, radians.
-    pub phase_rad: T,
-    /// Standard deviation of that, radians (see `variance` for what it counts).
-    pub sigma_rad: T,
-}
+pub use crate::pair_walk::Estimate;
 
 /// Streaming solution over up to `PIXELS` pixels with pairs up to `LAGS` frames apart and `ROWS` >= `LAGS` + 1
 /// frames of history.
 ///
-/// Memory: LAGS complex fields and 3 ROWS LAGS + 7 ROWS + 12 LAGS numbers; [`Self::push`] takes 3 ROWS LAGS
-/// + 7 ROWS of them once more on the stack, to look ahead on a copy.
+/// Memory: LAGS complex fields and that of [`PairWalk`].
 #[derive(Clone, Debug)]
 pub struct Walk<T, const PIXELS: usize, const LAGS: usize, const ROWS: usize> {
-    params: Params,
-    weights: Weights,
-    looks: f64,
     stream: CrossSpectrumStream<T, PIXELS, LAGS>,
-    /// One row per past frame, newest first.
-    rows: Deque<Unwrapper<T>, LAGS>,
-    solver: FixedSolver<T, ROWS, LAGS>,
-    noise: NoiseStream<T, ROWS, LAGS>,
+    pairs: PairWalk<T, LAGS, ROWS>,
 }
 
 impl<T: Scalar, const PIXELS: usize, const LAGS: usize, const ROWS: usize>
@@ -49,23 +30,12 @@ impl<T: Scalar, const PIXELS: usize, const LAGS: usize, const ROWS: usize>
     /// # Errors
     /// Parameters out of range, or a largest lag other than `LAGS`.
     pub fn new(params: Params, weights: Weights, looks: f64) -> Result<Self, Error> {
-        params.validate(usize::MAX)?;
-        if params.max_lag != LAGS {
+        if params.max_lag < LAGS {
             let allowed = "the LAGS that the buffers were made for";
             return Err(Error { parameter: "max lag", value: params.max_lag as f64, allowed });
         }
-        if !(looks > 0.0 && looks.is_finite()) {
-            return Err(Error { parameter: "looks", value: looks, allowed: "above 0 and finite" });
-        }
-        Ok(Self {
-            params,
-            weights,
-            looks,
-            stream: CrossSpectrumStream::new(),
-            rows: Deque::new(),
-            solver: FixedSolver::new(LAGS, params.gauge_frame, params.reference_frames),
-            noise: NoiseStream::new(),
-        })
+        let pairs = PairWalk::new(params, weights, looks)?;
+        Ok(Self { stream: CrossSpectrumStream::new(), pairs })
     }
 
     /// Take the next frame, evenly spaced in time, and say where the phase is now.
@@ -73,60 +43,23 @@ impl<T: Scalar, const PIXELS: usize, const LAGS: usize, const ROWS: usize>
     /// All frames have the same pixels, at most `PIXELS` of them: what is beyond is left out, and of
     /// frames with different numbers of pixels those count that both have.
     pub fn push(&mut self, field: &[Complex<T>]) -> Estimate<T> {
-        let frame = self.solver.frames();
-        self.begin_frame(frame);
-        let Self { weights, looks, stream, rows, solver, noise, .. } = self;
-        stream.push(field, |dt, mean| {
-            let Some(row) = rows.get_mut(dt - 1) else { return };
-            let weight = weights.weight(&mean);
-            let variance = pair_variance(debias(mean.coherence_squared(), *looks), *looks);
-            let square = weight * weight;
-            solver.add_pair(frame - dt, dt, row.push(mean.phase()), weight);
-            noise.add_pair(frame - dt, dt, square * square * variance);
+        let mut means = Vec::<_, LAGS>::new();
+        self.stream.push(field, |_, mean| {
+            // Cannot fail: there are not more.
+            let _ = means.push(mean);
         });
-        if self.rows.is_full() {
-            self.rows.pop_back();
-        }
-        // Cannot fail: one place has just been made.
-        let _ = self.rows.push_front(Unwrapper::new());
-        self.newest(frame)
+        self.pairs.push(&means)
     }
 
     /// The smoothed phases of the frames still held, against their gauge; `phases[0]` is frame
     /// `self.first_kept()`.
     pub fn smoothed(&self, phases: &mut [T]) {
-        let mut trial = self.solver;
-        trial.finish();
-        trial.phases(phases);
+        self.pairs.smoothed(phases);
     }
 
     /// First frame whose smoothed phase is still held.
     #[must_use]
     pub const fn first_kept(&self) -> usize {
-        self.solver.first_kept()
-    }
-
-    /// Make room for the frame and link it to its predecessors by Gamma_2.
-    fn begin_frame(&mut self, frame: usize) {
-        let Self { params, solver, noise, .. } = self;
-        solver.push_frame_with(|done| noise.eliminate(done));
-        noise.push_frame();
-        let known = params.difference.reach().min(frame);
-        let times = [0.0, 1.0, 2.0];
-        let times = times.get(..=known).unwrap_or(&times);
-        for (back, dt, conductance) in difference_links(params, times, 1.0) {
-            solver.add_prior(frame - back.min(frame), dt, T::from_f64(conductance));
-            noise.add_pair(frame - back.min(frame), dt, T::from_f64(conductance));
-        }
-    }
-
-    fn newest(&self, frame: usize) -> Estimate<T> {
-        let (mut solver, mut noise) = (self.solver, self.noise);
-        solver.finish_with(|done| noise.eliminate(done));
-        Estimate {
-            frame,
-            phase_rad: solver.newest_after_finish(),
-            sigma_rad: noise.newest_after_finish(&solver).sqrt(),
-        }
+        self.pairs.first_kept()
     }
 }

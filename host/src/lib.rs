@@ -29,3 +29,4 @@ pub mod series;
 pub mod simulate;
 pub mod study;
 pub mod trigger;
+pub mod watch;

@@ -8,6 +8,7 @@ mod phase;
 mod reconstruct;
 mod simulate;
 mod trigger;
+mod watch;
 
 use crate::error::{Error, Result};
 use crate::progress;
@@ -57,6 +58,8 @@ enum Command {
     Reconstruct(reconstruct::Arguments),
     /// Phase of a series: a curve over a mask, or images by a Gaussian average
     Phase(phase::Arguments),
+    /// Phase of frames as they come: the newest point of a curve or the newest image, in memory that does not grow
+    Watch(watch::Arguments),
     /// Every figure and number of the paper that can be computed; may be interrupted and resumed
     Paper(paper::Arguments),
     /// What a file holds
@@ -112,6 +115,7 @@ fn run(arguments: &Arguments) -> Result<()> {
         Command::Simulate(scene) => simulate::run(scene, common),
         Command::Reconstruct(arguments) => reconstruct::run(arguments, common),
         Command::Phase(arguments) => phase::run(arguments, common),
+        Command::Watch(arguments) => watch::run(arguments, common),
         Command::Paper(arguments) => paper::run(arguments, common),
         Command::Info(arguments) => info::run(arguments, common),
         Command::Trigger(command) => trigger::run(command, common),

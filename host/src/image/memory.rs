@@ -11,11 +11,11 @@ use crate::lanes::Lanes;
 use crate::method::Method;
 
 /// Rows of the strips when memory does not forbid it: the two frames of a pair then stay in a core's
-/// second-level cache while the halo costs not much more than the rows.
-const PREFERRED_ROWS: usize = 24;
+/// second-level cache. Tiles are whole strips.
+pub(super) const STRIP_ROWS: usize = 16;
 
-/// The same for linked phases; tiles are whole strips.
-pub(super) const LINKED_ROWS: usize = 16;
+/// The same for least squares, where unit phasors make lines of halo dearer.
+const LEAST_SQUARES_ROWS: usize = 24;
 
 /// What a job will take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,7 +32,7 @@ impl MemoryPlan {
     /// The highest strips that fit, up to the preferred ones.
     pub(super) fn new<L: Lanes>(job: &ImageJob<'_>, kernel: &Kernel) -> Result<Self> {
         let Shape { height, .. } = job.series.shape();
-        let preferred = if job.tiles.is_some() { LINKED_ROWS } else { PREFERRED_ROWS };
+        let preferred = if job.tiles.is_some() { STRIP_ROWS } else { LEAST_SQUARES_ROWS };
         let mut rows = preferred.min(height);
         loop {
             let threads = job.threads.clamp(1, height.div_ceil(rows));

@@ -4,8 +4,10 @@
 //! The image is cut into strips of a few rows that all cores work through. A strip holds its rows
 //! of all frames; pair by pair, `filter` gives arg ⟨C⟩ and the weight of every pixel, which are kept
 //! until all pairs are there and `phase` solves vector after vector. Memory is bounded by the
-//! height of the strips (`memory`), whatever the size of the series.
+//! height of the strips (`memory`), whatever the size of the series. Frames that come one after the other have their
+//! newest image from `newest`.
 
+mod band;
 mod decorrelation;
 mod dispatch;
 mod filter;
@@ -14,6 +16,7 @@ mod held;
 mod kernel;
 mod linked;
 mod memory;
+mod newest;
 mod phase;
 mod strip;
 mod tiles;
@@ -24,6 +27,7 @@ pub use held::{HeldImages, Images, Imaging};
 pub use kernel::Kernel;
 pub use linked::window_kernel;
 pub use memory::MemoryPlan;
+pub use newest::{NewestImage, NewestImages, NewestSettings};
 pub use tiles::{Fit, Tile, Tiles};
 
 use crate::error::{Error, Result};

@@ -140,7 +140,7 @@ pub struct Source<'a> {
 }
 
 /// Image row of line i of a strip that begins `halo` rows above `start`.
-fn circular(start: usize, i: usize, halo: usize, height: usize) -> usize {
+pub(super) fn circular(start: usize, i: usize, halo: usize, height: usize) -> usize {
     ((start + i) as isize - halo as isize).rem_euclid(height as isize) as usize
 }
 
@@ -168,7 +168,7 @@ fn read_circular(
 
 /// One line into lane blocks.
 #[inline(always)]
-fn scatter<L: Lanes>(
+pub(super) fn scatter<L: Lanes>(
     line: &[Complex32],
     valid: &[bool],
     scale: f32,

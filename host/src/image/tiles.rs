@@ -9,7 +9,7 @@
 //! which is solved for |gamma_ij|^2. One model of Gamma is fitted to these in every tile, and what all its pixels share is
 //! computed once: precision, inverse information, standard deviations.
 
-use super::memory::LINKED_ROWS;
+use super::memory::STRIP_ROWS;
 use super::strip::common_block;
 use crate::allocate::{filled, zeros};
 use crate::error::Result;
@@ -136,7 +136,7 @@ impl Fit<'_> {
     fn edges(&self, block: &Block) -> [Vec<usize>; 2] {
         let Shape { height, width, .. } = self.series.shape();
         let [rows, columns] = block.sides.map(|side| side * BLOCKS);
-        [edges(height, LINKED_ROWS, rows), edges(width, common_block(width), columns)]
+        [edges(height, STRIP_ROWS, rows), edges(width, common_block(width), columns)]
     }
 
     fn tile(&self, band: &Band, block: &Block, columns: Range<usize>) -> Result<Tile> {

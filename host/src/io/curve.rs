@@ -29,6 +29,52 @@ impl CurveRow {
     }
 }
 
+/// Which columns a table has beside frame, time, phase and standard deviation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Columns {
+    /// The optical path length of one radian: path lengths, too.
+    pub(crate) nm_per_rad: Option<f64>,
+    /// The quality of the frame.
+    pub(crate) quality: bool,
+}
+
+impl Columns {
+    /// Names and numbers of a row, in order, behind the number of its frame.
+    pub(crate) fn numbers(&self, row: &CurveRow) -> Vec<(&'static str, f64)> {
+        let &CurveRow { time_s, phase_rad, sigma_rad, quality, .. } = row;
+        let mut numbers =
+            vec![("time_s", time_s), ("phase_rad", phase_rad), ("sigma_rad", sigma_rad)];
+        if let Some(nm) = self.nm_per_rad {
+            numbers.extend([("opl_nm", phase_rad * nm), ("sigma_nm", sigma_rad * nm)]);
+        }
+        numbers.extend(self.quality.then_some(("quality", quality)));
+        numbers
+    }
+
+    /// The first line of the table.
+    pub(crate) fn header(&self) -> String {
+        let numbers = self.numbers(&CurveRow::missing(0, 0.0));
+        let names: Vec<&str> = numbers.into_iter().map(|(name, _)| name).collect();
+        format!("frame,{}\n", names.join(","))
+    }
+
+    /// The line of a row.
+    pub(crate) fn line(&self, row: &CurveRow) -> String {
+        let numbers = self.numbers(row).into_iter().map(|(_, number)| shortest(number));
+        format!("{},{}\n", row.frame, numbers.collect::<Vec<_>>().join(","))
+    }
+
+    /// The row as a line of JSON; what is no number is null.
+    pub(crate) fn json_line(&self, row: &CurveRow) -> String {
+        let mut object = serde_json::Map::new();
+        object.insert("frame".to_owned(), row.frame.into());
+        for (name, number) in self.numbers(row) {
+            object.insert(name.to_owned(), number.into());
+        }
+        format!("{}\n", serde_json::Value::Object(object))
+    }
+}
+
 /// Write a curve: a `.csv` table `frame,time_s,phase_rad,sigma_rad`; float64 `F.npy` with
 /// `F.sigma.npy`; or a `.zarr` group of `phase_rad`, `sigma_rad` and `time_s` with `attributes`.
 /// With `nm_per_rad`, the optical path length of one radian, table and group hold the same as
@@ -60,18 +106,9 @@ fn column(rows: &[CurveRow], value: impl Fn(&CurveRow) -> f64) -> Vec<f64> {
 }
 
 fn write_csv(path: &Path, rows: &[CurveRow], nm_per_rad: Option<f64>) -> Result<Vec<PathBuf>> {
-    let lengths = if nm_per_rad.is_some() { ",opl_nm,sigma_nm" } else { "" };
-    let told = tells_quality(rows);
-    let last = if told { ",quality" } else { "" };
-    let mut table = format!("frame,time_s,phase_rad,sigma_rad{lengths}{last}\n");
-    for &CurveRow { frame, time_s, phase_rad, sigma_rad, quality } in rows {
-        let mut numbers = vec![time_s, phase_rad, sigma_rad];
-        numbers.extend(nm_per_rad.iter().flat_map(|nm| [phase_rad * nm, sigma_rad * nm]));
-        numbers.extend(told.then_some(quality));
-        let numbers: Vec<String> = numbers.into_iter().map(shortest).collect();
-        table.push_str(&format!("{frame},{}\n", numbers.join(",")));
-    }
-    write_atomic(path, table.as_bytes())?;
+    let columns = Columns { nm_per_rad, quality: tells_quality(rows) };
+    let lines: String = rows.iter().map(|row| columns.line(row)).collect();
+    write_atomic(path, (columns.header() + &lines).as_bytes())?;
     Ok(vec![path.to_owned()])
 }
 

@@ -19,11 +19,14 @@
 //! | `photron` | recordings of Photron cameras |
 //! | `mapped` | windows of large files, mapped into memory |
 //! | `times` | acquisition times from a file of their own |
+//! | `arriving` | frames as they come |
+//! | `newest` | results that are written frame by frame |
 //! | `recordings` | several recordings of one scene, as one series |
 //! | `describe` | what `phasewalk info` prints |
 //!
 //! Arrays are stored in C order with axes (time, z, y, x); times are in seconds, phases in radians.
 
+mod arriving;
 mod curve;
 mod describe;
 mod element;
@@ -32,6 +35,7 @@ mod format;
 mod image;
 mod mapped;
 mod mask;
+mod newest;
 pub mod npy;
 pub mod photron;
 mod raw;
@@ -44,6 +48,8 @@ mod volume;
 mod volumes;
 mod zarr;
 
+pub use arriving::{Arrival, ArrivingFrames, FrameFormat, PIPE_FORMAT, open_arriving};
+pub(crate) use curve::Columns;
 pub use curve::{CurveRow, write_curve};
 pub use describe::{ArrayDescription, Description, describe};
 pub(crate) use element::Element;
@@ -51,6 +57,7 @@ pub use field::{FieldLayout, FieldWriter, Truth};
 pub use format::Format;
 pub use image::{ImageLayout, ImageWriter};
 pub use mask::{read_mask, without_rim};
+pub use newest::{CurveFile, ImageFile};
 pub use raw::{RawFormat, RawImages, open_raw, visit_images};
 pub use recordings::Recordings;
 pub use shape::Shape;

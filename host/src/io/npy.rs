@@ -18,10 +18,10 @@ mod writer;
 
 pub(crate) use array::read_flags;
 pub use array::{read_f64_1d, read_real};
-pub(crate) use header::Header;
+pub(crate) use header::{Header, NumberType};
 pub(crate) use images::open_images;
 pub use images::save_images;
-pub(crate) use series::open_series;
+pub(crate) use series::{complex_type, decode, open_series};
 pub use spectra::SpectraFile;
 pub(crate) use writer::NpyWriter;
 

@@ -49,9 +49,16 @@ impl StagedFile {
 
     /// Give the file its final name.
     pub(crate) fn finish(self) -> Result<()> {
-        let Self { file, target, bytes } = self;
         // Some file systems report a full disk only now.
-        file.as_file().sync_all().map_err(|error| cannot_write(&target, &error, bytes))?;
+        let synced = self.file.as_file().sync_all();
+        synced.map_err(|error| cannot_write(&self.target, &error, self.bytes))?;
+        self.publish()
+    }
+
+    /// Give the file its final name without waiting for the disk: readers find it whole, a failure of power may not.
+    /// For files that are soon replaced.
+    pub(crate) fn publish(self) -> Result<()> {
+        let Self { file, target, bytes } = self;
         file.persist(&target).map_err(|failure| cannot_write(&target, &failure.error, bytes))?;
         Ok(())
     }

@@ -88,7 +88,7 @@ fn plan(arguments: &Arguments, good: &ChosenFrames<'_>, planes: Planes) -> Resul
 
 /// Too few looks cannot be told from random phases; with fewer than twelve the threshold of the paper's weights
 /// is above any mean phasor.
-fn check_looks(method: Method, looks: f64, region: &str) -> Result<()> {
+pub(super) fn check_looks(method: Method, looks: f64, region: &str) -> Result<()> {
     let needed = match method {
         Method::Paper(_) => -(1.0 - RANDOM_PROBABILITY).ln(),
         // With two looks even frames without any coherence have |gamma| = 0.7 on average.

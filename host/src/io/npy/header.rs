@@ -68,7 +68,7 @@ impl std::fmt::Display for NumberType {
     }
 }
 
-/// The header of a file that is long enough for its array.
+/// The header of a file.
 #[derive(Debug)]
 pub(crate) struct Header {
     pub(crate) number_type: NumberType,
@@ -83,6 +83,13 @@ pub(crate) struct Header {
 impl Header {
     /// Open a file and read its header.
     pub(crate) fn open(path: &Path) -> Result<(File, Self)> {
+        let (file, header, length) = Self::open_growing(path)?;
+        header.check_length(path, length)?;
+        Ok((file, header))
+    }
+
+    /// Open a file that need not hold the whole array yet, and tell how long it is.
+    pub(crate) fn open_growing(path: &Path) -> Result<(File, Self, u64)> {
         let file = File::open(path).map_err(|error| cannot_open(path, &error))?;
         let metadata = file.metadata().map_err(|error| cannot_open(path, &error))?;
         if metadata.is_dir() {
@@ -93,8 +100,7 @@ impl Header {
         }
         let (text, data_offset) = read_text(path, &file, metadata.len())?;
         let header = Self::parse(path, &text, data_offset)?;
-        header.check_length(path, metadata.len())?;
-        Ok((file, header))
+        Ok((file, header, metadata.len()))
     }
 
     fn parse(path: &Path, text: &str, data_offset: u64) -> Result<Self> {

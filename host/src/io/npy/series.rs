@@ -15,19 +15,25 @@ const BLOCK: usize = 1 << 20;
 /// Open a complex array of axes (time, y, x) or (time, z, y, x).
 pub(crate) fn open_series(path: &Path) -> Result<Box<dyn Series>> {
     let (file, header) = Header::open(path)?;
-    let number_type = header.number_type;
-    if number_type.kind != Kind::Complex || !matches!(number_type.bytes, 8 | 16) {
-        return Err(Error::file(
-            path,
-            format!("holds {number_type}; the complex field is needed, as complex64 or complex128"),
-        ));
-    }
+    let number_type = complex_type(path, &header)?;
     let shape = Shape::of_series(path, &header.shape)?;
     if header.fortran_order {
         return Ok(Box::new(WholeSeries::read(path, &file, &header, shape)?));
     }
     let data_offset = header.data_offset;
     Ok(Box::new(NpySeries { file, path: path.to_owned(), shape, number_type, data_offset }))
+}
+
+/// The numbers of a file of complex ones.
+pub(crate) fn complex_type(path: &Path, header: &Header) -> Result<NumberType> {
+    let number_type = header.number_type;
+    if number_type.kind == Kind::Complex && matches!(number_type.bytes, 8 | 16) {
+        return Ok(number_type);
+    }
+    Err(Error::file(
+        path,
+        format!("holds {number_type}; the complex field is needed, as complex64 or complex128"),
+    ))
 }
 
 /// A file in C order: rows are read where they lie.
@@ -108,7 +114,7 @@ impl Series for WholeSeries {
 }
 
 /// Turn stored complex numbers into complex64.
-fn decode(number_type: NumberType, bytes: &[u8], out: &mut [Complex32]) {
+pub(crate) fn decode(number_type: NumberType, bytes: &[u8], out: &mut [Complex32]) {
     match (number_type.bytes, number_type.big_endian) {
         (8, false) => decode_pairs(bytes, out, f32::from_le_bytes),
         (8, true) => decode_pairs(bytes, out, f32::from_be_bytes),

@@ -46,6 +46,11 @@ impl<T: Element> NpyWriter<T> {
         Ok(())
     }
 
+    /// Give the file its final name without waiting for the disk (`StagedFile::publish`).
+    pub(crate) fn publish(self) -> Result<()> {
+        self.file.publish()
+    }
+
     /// Give the file its final name, which is returned.
     pub(crate) fn finish(self) -> Result<PathBuf> {
         self.file.finish()?;

@@ -11,13 +11,13 @@ use zarrs::filesystem::FilesystemStore;
 use zarrs::storage::ReadableStorageTraits;
 
 /// An array opened for reading.
-pub(super) type ReadableArray = Array<dyn ReadableStorageTraits>;
+pub(crate) type ReadableArray = Array<dyn ReadableStorageTraits>;
 
 /// Bytes of one chunk (or shard) above which a store is taken for damaged.
 const LARGEST_CHUNK: usize = 1 << 36;
 
 /// Open the array in `folder`, whose metadata is known to be Zarr v3.
-pub(super) fn open_array(folder: &Path) -> Result<Arc<ReadableArray>> {
+pub(crate) fn open_array(folder: &Path) -> Result<Arc<ReadableArray>> {
     let unreadable = |what: String| Error::file(folder, format!("cannot be read as Zarr: {what}"));
     let store = FilesystemStore::new(folder).map_err(|error| unreadable(one_line(&error)))?;
     let store: Arc<dyn ReadableStorageTraits> = Arc::new(store);
@@ -32,17 +32,17 @@ pub(super) fn open_array(folder: &Path) -> Result<Arc<ReadableArray>> {
 }
 
 /// A read that failed after the array was opened.
-pub(super) fn cannot_read(folder: &Path, error: &impl std::fmt::Display) -> Error {
+pub(crate) fn cannot_read(folder: &Path, error: &impl std::fmt::Display) -> Error {
     Error::file(folder, format!("cannot be read, the store may be damaged: {}", one_line(error)))
 }
 
 /// The calling threads share the work already: the library adds none.
-pub(super) fn single_threaded() -> CodecOptions {
+pub(crate) fn single_threaded() -> CodecOptions {
     CodecOptions::default().with_concurrent_target(1)
 }
 
 /// `path` itself where it is an array, else the array `name` in the group `path`.
-pub(super) fn find_array(path: &Path, name: &str) -> Result<(PathBuf, ArrayNode)> {
+pub(crate) fn find_array(path: &Path, name: &str) -> Result<(PathBuf, ArrayNode)> {
     if let Node::Array(array) = Node::read(path)? {
         return Ok((path.to_owned(), array));
     }

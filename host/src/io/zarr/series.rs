@@ -1,6 +1,6 @@
 //! Complex frames, read row by row.
 
-use super::node::Node;
+use super::node::{ArrayNode, Node};
 use super::reader::{
     ReadableArray, cannot_read, find_array, open_array, read_coordinate, read_flags,
     single_threaded,
@@ -46,18 +46,7 @@ impl ZarrSeries {
     /// Open the array `field` of a group, or the array at `path` itself.
     pub(crate) fn open(path: &Path) -> Result<Self> {
         let (folder, node) = find_array(path, "field")?;
-        let is_double = match node.data_type.as_str() {
-            "complex64" | "complex_float32" => false,
-            "complex128" | "complex_float64" => true,
-            other => {
-                return Err(Error::file(
-                    &folder,
-                    format!(
-                        "holds {other}; the complex field is needed, as complex64 or complex128"
-                    ),
-                ));
-            }
-        };
+        let is_double = holds_doubles(&folder, &node)?;
         let shape = Shape::of_series(&folder, &node.shape)?;
         let array = open_array(&folder)?;
         let access = if array.is_sharded() {
@@ -144,6 +133,18 @@ impl Series for ZarrSeries {
 
     fn attribute(&self, name: &str) -> Option<&Value> {
         self.attributes.get(name)
+    }
+}
+
+/// Are the complex numbers of the array `node` in `folder` complex128, not complex64?
+pub(crate) fn holds_doubles(folder: &Path, node: &ArrayNode) -> Result<bool> {
+    match node.data_type.as_str() {
+        "complex64" | "complex_float32" => Ok(false),
+        "complex128" | "complex_float64" => Ok(true),
+        other => Err(Error::file(
+            folder,
+            format!("holds {other}; the complex field is needed, as complex64 or complex128"),
+        )),
     }
 }
 

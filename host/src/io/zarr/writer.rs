@@ -192,13 +192,13 @@ fn codecs(compression: Compression) -> Vec<Arc<dyn BytesToBytesCodecTraits>> {
 }
 
 /// What a message about a failed write needs to know.
-struct Report {
-    target: PathBuf,
-    bytes: u64,
+pub(super) struct Report {
+    pub(super) target: PathBuf,
+    pub(super) bytes: u64,
 }
 
 impl Report {
-    fn array(&self, error: &ArrayError) -> Error {
+    pub(super) fn array(&self, error: &ArrayError) -> Error {
         match error {
             ArrayError::StorageError(error) => self.storage(error),
             ArrayError::CodecError(CodecError::StorageError(error)) => self.storage(error),

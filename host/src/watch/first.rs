@@ -1,0 +1,105 @@
+//! What the first usable frame tells: which pixels there are, how bright they are, and how many of them count.
+
+use crate::error::Result;
+use crate::image::Kernel;
+use crate::io::Shape;
+use crate::looks::SpatialCoherence;
+use crate::series::{HeldSeries, Survey, survey};
+use num_complex::Complex32;
+
+/// Does the frame hold a number other than 0? The others are left out: nothing is to be learnt from them.
+#[must_use]
+pub fn is_usable(field: &[Complex32]) -> bool {
+    field.iter().any(|u| (u.re != 0.0 || u.im != 0.0) && is_finite(u))
+}
+
+/// Are both parts finite?
+pub(super) fn is_finite(u: &Complex32) -> bool {
+    u.re.is_finite() && u.im.is_finite()
+}
+
+/// The field scaled, 0 where it is not finite.
+pub(super) fn scaled(u: Complex32, scale: f32) -> Complex32 {
+    if is_finite(&u) { u * scale } else { Complex32::default() }
+}
+
+/// What is taken from the first usable frame and holds for all that follow.
+pub struct First {
+    survey: Survey,
+    coherence: SpatialCoherence,
+    width: usize,
+}
+
+impl First {
+    /// Look at the first usable frame of so many rows and columns.
+    ///
+    /// # Errors
+    /// When it is not usable, or the user interrupts.
+    pub fn of(field: &[Complex32], height: usize, width: usize) -> Result<Self> {
+        let shape = Shape { frames: 1, depth: 1, height, width };
+        let series = HeldSeries::new(shape, field.to_vec())?;
+        let survey = survey(&series, &[0])?;
+        let coherence = SpatialCoherence::estimate(&series, &survey, &[0])?;
+        Ok(Self { survey, coherence, width })
+    }
+
+    /// A power of two that brings amplitudes near 1, see [`Survey::scale`].
+    #[must_use]
+    pub fn scale(&self) -> f32 {
+        self.survey.scale
+    }
+
+    /// Numbers of the pixels of the mask (y, x) that are finite and not zero.
+    #[must_use]
+    pub fn chosen(&self, mask: &[bool]) -> Vec<usize> {
+        let usable = mask.iter().zip(&self.survey.valid).enumerate();
+        usable.filter(|&(_, (&m, &v))| m && v).map(|(i, _)| i).collect()
+    }
+
+    /// Independent looks of the mean over these pixels.
+    #[must_use]
+    pub fn looks_of(&self, chosen: &[usize]) -> f64 {
+        let mut mask = vec![false; self.survey.valid.len()];
+        for &i in chosen {
+            mask[i] = true;
+        }
+        self.coherence.looks_of_mask(&mask, self.width)
+    }
+
+    /// Independent looks of the mean under a Gaussian.
+    #[must_use]
+    pub fn looks_of_kernel(&self, kernel: &Kernel) -> f64 {
+        self.coherence.looks_of_kernel(kernel)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_is_usable_where_one_number_is() {
+        let (zero, one) = (Complex32::default(), Complex32::new(0.0, 1e-30));
+        let nan = Complex32::new(f32::NAN, 1.0);
+        for (field, expected) in [
+            (vec![], false),
+            (vec![zero, zero], false),
+            (vec![zero, nan], false),
+            (vec![nan, one], true),
+        ] {
+            assert_eq!(is_usable(&field), expected, "{field:?}");
+        }
+    }
+
+    #[test]
+    fn dead_pixels_of_the_first_frame_are_not_chosen() {
+        let mut field = vec![Complex32::new(3e-9, 4e-9); 12];
+        field[1] = Complex32::default();
+        field[2].im = f32::INFINITY;
+        let first = First::of(&field, 3, 4).unwrap();
+        let mask: Vec<bool> = (0..12).map(|i| i < 4).collect();
+        assert_eq!(first.chosen(&mask), [0, 3]);
+        assert!((0.5..=2.0).contains(&(5e-9 * first.scale())));
+        assert!(First::of(&[Complex32::default(); 4], 2, 2).is_err());
+    }
+}
