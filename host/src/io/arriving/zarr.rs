@@ -41,6 +41,16 @@ pub(super) struct GrowingZarr {
 impl GrowingZarr {
     /// Open the array `field` of a group, or the array at `path` itself; it need not hold a frame yet.
     pub(super) fn open(path: &Path) -> Result<Self> {
+        let metadata = ["zarr.json", "field/zarr.json"].map(|name| path.join(name));
+        loop {
+            if let Some(growing) = unless_written(&metadata, || Self::open_now(path))? {
+                return Ok(growing);
+            }
+            std::thread::sleep(STILL / 20);
+        }
+    }
+
+    fn open_now(path: &Path) -> Result<Self> {
         let (folder, node) = find_array(path, "field")?;
         let is_double = holds_doubles(&folder, &node)?;
         let format = FrameFormat::of_series(&folder, &node.shape)?;
@@ -52,15 +62,18 @@ impl GrowingZarr {
 
     /// Take notice of an array that has been enlarged.
     fn look_again(&mut self) -> Result<()> {
-        let node = match Node::read_array(&self.folder) {
-            // Half of it may have been written.
-            Err(_) if !self.is_still(&self.metadata()) => return Ok(()),
-            node => node?,
+        let read = || {
+            let node = Node::read_array(&self.folder)?;
+            self.check(&node)?;
+            let array = if node.shape[0] == self.frames {
+                Arc::clone(&self.array)
+            } else {
+                open_array(&self.folder)?
+            };
+            Ok((array, node.shape[0]))
         };
-        self.check(&node)?;
-        if node.shape[0] != self.frames {
-            self.array = open_array(&self.folder)?;
-            self.frames = node.shape[0];
+        if let Some((array, frames)) = unless_written(&[self.metadata()], read)? {
+            (self.array, self.frames) = (array, frames);
         }
         Ok(())
     }
@@ -79,12 +92,6 @@ impl GrowingZarr {
         self.folder.join("zarr.json")
     }
 
-    /// Is the file there, and was it not written to for a while? A time to come counts as now.
-    fn is_still(&self, path: &Path) -> bool {
-        let modified = std::fs::metadata(path).and_then(|metadata| metadata.modified());
-        modified.is_ok_and(|at| SystemTime::now().duration_since(at).is_ok_and(|age| age >= STILL))
-    }
-
     /// Files of the chunks that hold a part of the next frame.
     fn chunks(&self) -> Result<Vec<PathBuf>> {
         let lengths = self
@@ -99,10 +106,19 @@ impl GrowingZarr {
         Ok((0..rows * columns).map(file).collect())
     }
 
-    fn is_next_there(&self) -> Result<bool> {
-        let counted = self.read < self.frames;
-        let settled = self.read + 1 < self.frames || self.is_still(&self.metadata());
-        Ok(counted && settled && self.chunks()?.iter().all(|chunk| self.is_still(chunk)))
+    /// Are the next frame and what counts it there, in files that stand still?
+    fn is_next_there(&self, chunks: &[PathBuf]) -> bool {
+        let now = SystemTime::now();
+        let settled = self.read + 1 < self.frames || is_still(&self.metadata(), now);
+        settled && chunks.iter().all(|chunk| is_still(chunk, now))
+    }
+
+    fn read_next(&self) -> Result<Vec<Complex32>> {
+        if !self.is_double {
+            return self.retrieve();
+        }
+        let narrow = |u: Complex64| Complex32::new(u.re as f32, u.im as f32);
+        Ok(self.retrieve()?.into_iter().map(narrow).collect())
     }
 
     fn retrieve<T: ElementOwned>(&self) -> Result<Vec<T>> {
@@ -124,16 +140,14 @@ impl ArrivingFrames for GrowingZarr {
         if self.read + 1 >= self.frames {
             self.look_again()?;
         }
-        if !self.is_next_there()? {
+        let chunks = self.chunks()?;
+        if self.read >= self.frames || !self.is_next_there(&chunks) {
             return Ok(Arrival::Nothing);
         }
-        if self.is_double {
-            for (value, stored) in frame.iter_mut().zip(self.retrieve::<Complex64>()?) {
-                *value = Complex32::new(stored.re as f32, stored.im as f32);
-            }
-        } else {
-            frame.copy_from_slice(&self.retrieve::<Complex32>()?);
-        }
+        let Some(next) = unless_written(&chunks, || self.read_next())? else {
+            return Ok(Arrival::Nothing);
+        };
+        frame.copy_from_slice(&next);
         self.read += 1;
         Ok(Arrival::Frame)
     }
@@ -147,5 +161,21 @@ impl ArrivingFrames for GrowingZarr {
         let (frame, all) = (self.read, chunks.len());
         let what = format!("frame {frame} is cut short: {there} of its {all} chunks are there");
         Err(Error::file(&self.folder, what))
+    }
+}
+
+/// Is the file there, and had it stood still at that time? One that was written to later had not.
+fn is_still(path: &Path, at: SystemTime) -> bool {
+    let modified = std::fs::metadata(path).and_then(|metadata| metadata.modified());
+    modified.is_ok_and(|then| at.duration_since(then).is_ok_and(|age| age >= STILL))
+}
+
+/// What `read` finds; nothing where it fails because one of the files is just being written.
+fn unless_written<T>(files: &[PathBuf], read: impl FnOnce() -> Result<T>) -> Result<Option<T>> {
+    let begun = SystemTime::now();
+    let is_written = |file: &PathBuf| file.exists() && !is_still(file, begun);
+    match read() {
+        Err(_) if files.iter().any(is_written) => Ok(None),
+        found => found.map(Some),
     }
 }
