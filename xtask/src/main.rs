@@ -1,5 +1,5 @@
 //! Developer commands: `cargo xtask test` runs everything there is to check, `cargo xtask firmware`
-//! builds the boards' images, `cargo xtask peers` times the program beside NumPy.
+//! builds the boards' images, `cargo xtask compare` runs the program beside NumPy and dolphin.
 //!
 //! No dependencies: this is compiled before anything can be tested.
 //!
@@ -10,17 +10,17 @@
 //! steps.rs     `test`: what is run, in which order
 //! firmware.rs  `firmware`: the images, and the emulated board
 //! interop.rs   what NumPy and zarr-python say about our files and images
-//! peers.rs     `peers`: the full-size comparison
+//! compare.rs   `compare`: the program beside its peers, at full size
 //! python.rs    the virtual environment of the scripts in tests/peers
 //! packages.rs  system packages
 //! ```
 
 mod command;
+mod compare;
 mod firmware;
 mod folders;
 mod interop;
 mod packages;
-mod peers;
 mod python;
 mod steps;
 
@@ -34,7 +34,7 @@ Developer commands of Phasewalk.
 
 Usage: cargo xtask test
        cargo xtask firmware
-       cargo xtask peers [--width PX] [--height PX] [--frames N]
+       cargo xtask compare [--width PX] [--height PX] [--frames N] [--crop PX]
        cargo xtask help
 
 test    Everything a change must pass: formatting, lints, the images of the boards, tests on
@@ -47,11 +47,15 @@ firmware
         that only tests measure, and the emulated Uno (target/firmware/emulated-board, what
         `phasewalk trigger ... --port sim:` starts). Prints flash and memory, holds them below
         their ceilings, and sees that an image which can panic does not link.
-peers   Times `phasewalk phase` and the same method in NumPy + SciPy on the paper's scene, one
-        after the other, and compares the images. Full size takes minutes and 3 GB of memory.
+compare Runs `phasewalk phase` (paper and linked), the paper's method in NumPy + SciPy, and the EVD
+        and EMI of dolphin, a package of satellite interferometry, on the paper's scene, one after
+        the other. Prints time, memory and errors as a Markdown table, and fails where the images
+        of phasewalk and of NumPy differ. Needs the network for the first run. Full size takes
+        minutes and 6 GB of memory.
           --width PX    columns [default: 640]
           --height PX   rows [default: 368]
           --frames N    frames [default: 70]
+          --crop PX     side of the square in the middle that dolphin computes [default: 128]
 
 Exit status: 0 done, 1 failed, 2 wrong usage.
 ";
@@ -61,7 +65,7 @@ Exit status: 0 done, 1 failed, 2 wrong usage.
 enum Task {
     Test,
     Firmware,
-    Peers(peers::Size),
+    Compare(compare::Size),
     Help,
 }
 
@@ -77,7 +81,7 @@ fn main() -> ExitCode {
     let outcome = match task {
         Task::Test => steps::test(),
         Task::Firmware => firmware::build(),
-        Task::Peers(size) => peers::compare(size),
+        Task::Compare(size) => compare::compare(size),
         Task::Help => {
             print!("{HELP}");
             Ok(())
@@ -101,7 +105,7 @@ fn parse(arguments: &[String]) -> Result<Task> {
         ("test", []) => Ok(Task::Test),
         ("firmware", []) => Ok(Task::Firmware),
         ("help", []) => Ok(Task::Help),
-        ("peers", options) => peers::Size::parse(options).map(Task::Peers),
+        ("compare", options) => compare::Size::parse(options).map(Task::Compare),
         ("test" | "firmware" | "help", [surplus, ..]) => {
             Err(format!("'{surplus}' is not understood"))
         }
@@ -123,9 +127,9 @@ mod tests {
         assert_eq!(parsed("firmware"), Ok(Task::Firmware));
         assert_eq!(parsed("help"), Ok(Task::Help));
         assert_eq!(parsed("test --help"), Ok(Task::Help));
-        assert_eq!(parsed("peers"), Ok(Task::Peers(peers::Size::FULL)));
-        let size = peers::Size { width: 64, height: 368, frames: 12 };
-        assert_eq!(parsed("peers --width 64 --frames 12"), Ok(Task::Peers(size)));
+        assert_eq!(parsed("compare"), Ok(Task::Compare(compare::Size::FULL)));
+        let size = compare::Size { width: 64, height: 368, frames: 12, crop: 32 };
+        assert_eq!(parsed("compare --width 64 --crop 32 --frames 12"), Ok(Task::Compare(size)));
     }
 
     #[test]
@@ -134,10 +138,13 @@ mod tests {
             ("", "missing"),
             ("tset", "'tset'"),
             ("test now", "'now'"),
-            ("peers --widht 3", "'--widht'"),
+            ("compare --widht 3", "'--widht'"),
         ];
-        let numbers =
-            [("peers --width", "--width"), ("peers --width 0", "'0'"), ("peers --frames x", "'x'")];
+        let numbers = [
+            ("compare --width", "--width"),
+            ("compare --width 0", "'0'"),
+            ("compare --frames x", "'x'"),
+        ];
         for (line, named) in cases.into_iter().chain(numbers) {
             let error = parsed(line).unwrap_err();
             assert!(error.contains(named), "{line}: {error}");

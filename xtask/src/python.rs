@@ -5,7 +5,10 @@ use crate::{Result, folders, packages};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// A Python with the packages that tests/peers/requirements.txt pins.
+/// What every script needs.
+const REQUIREMENTS: &str = "requirements.txt";
+
+/// A Python with the packages that files of tests/peers pin.
 pub(crate) struct Environment {
     folder: PathBuf,
 }
@@ -27,26 +30,45 @@ impl Environment {
         python
     }
 
-    /// The requirements that were installed, written once they all are.
-    fn stamp(&self) -> PathBuf {
-        self.folder.join("installed-requirements.txt")
+    /// What `compare` needs besides; dolphin's own list asks for readers of satellite data too.
+    pub(crate) fn add_dolphin(&self) -> Result {
+        self.install("requirements-dolphin.txt")
+    }
+
+    /// Install what a file of tests/peers pins, without what the packages ask for beyond it.
+    fn install(&self, requirements: &str) -> Result {
+        if self.has(requirements)? {
+            return Ok(());
+        }
+        let install = "-m pip --quiet --disable-pip-version-check install --no-deps --requirement";
+        let file = folders::peer(requirements);
+        run(self.python().args(install.split_whitespace()).arg(&file))?;
+        let stamp = self.stamp(requirements);
+        std::fs::write(&stamp, read(&file)?)
+            .map_err(|e| format!("cannot write {}: {e}", stamp.display()))
+    }
+
+    /// Whether just these requirements are installed.
+    fn has(&self, requirements: &str) -> Result<bool> {
+        let wanted = read(&folders::peer(requirements))?;
+        let installed = std::fs::read_to_string(self.stamp(requirements));
+        Ok(installed.is_ok_and(|installed| installed == wanted))
+    }
+
+    /// A copy of the requirements, written once they all are installed.
+    fn stamp(&self, requirements: &str) -> PathBuf {
+        self.folder.join(format!("installed-{requirements}"))
     }
 }
 
 /// The environment, made anew only when its requirements have changed.
 pub(crate) fn environment() -> Result<Environment> {
     let environment = Environment { folder: folders::target()?.join("peers-venv") };
-    let requirements = folders::peer("requirements.txt");
-    let wanted = read(&requirements)?;
-    if std::fs::read_to_string(environment.stamp()).is_ok_and(|installed| installed == wanted) {
-        return Ok(environment);
+    if !environment.has(REQUIREMENTS)? {
+        let python = packages::python()?;
+        run(command(python).args(["-m", "venv", "--clear"]).arg(&environment.folder))?;
+        environment.install(REQUIREMENTS)?;
     }
-    let python = packages::python()?;
-    run(command(python).args(["-m", "venv", "--clear"]).arg(&environment.folder))?;
-    let install = "-m pip --quiet --disable-pip-version-check install --requirement";
-    run(environment.python().args(install.split_whitespace()).arg(&requirements))?;
-    let stamp = environment.stamp();
-    std::fs::write(&stamp, wanted).map_err(|e| format!("cannot write {}: {e}", stamp.display()))?;
     Ok(environment)
 }
 

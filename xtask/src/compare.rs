@@ -1,21 +1,23 @@
-//! `cargo xtask peers`: the program beside NumPy + SciPy on the paper's scene.
+//! `cargo xtask compare`: the program, NumPy + SciPy and dolphin on the paper's scene.
 
 use crate::command::{cargo, command, run};
 use crate::{Result, folders, python};
 
-/// Size of the scene.
+/// Size of the scene, and of what dolphin computes of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Size {
     pub(crate) width: usize,
     pub(crate) height: usize,
     pub(crate) frames: usize,
+    /// Side of the square in the middle that dolphin computes.
+    pub(crate) crop: usize,
 }
 
 impl Size {
     /// The paper's.
-    pub(crate) const FULL: Self = Self { width: 640, height: 368, frames: 70 };
+    pub(crate) const FULL: Self = Self { width: 640, height: 368, frames: 70, crop: 128 };
 
-    /// `--width 640 --height 368 --frames 70`, any of them.
+    /// `--width 640 --height 368 --frames 70 --crop 128`, any of them.
     pub(crate) fn parse(options: &[String]) -> Result<Self> {
         let mut size = Self::FULL;
         for option in options.chunks(2) {
@@ -28,6 +30,7 @@ impl Size {
                 "--width" => &mut size.width,
                 "--height" => &mut size.height,
                 "--frames" => &mut size.frames,
+                "--crop" => &mut size.crop,
                 _ => return Err(format!("'{name}' is not understood")),
             };
             let value = value.ok_or_else(|| format!("{name} needs a number"))?;
@@ -40,12 +43,13 @@ impl Size {
     }
 }
 
-/// Simulate the scene unless it is there, run both, print the table.
+/// Simulate the scene unless it is there, run all, print the table.
 pub(crate) fn compare(size: Size) -> Result {
-    let Size { width, height, frames } = size;
+    let Size { width, height, frames, crop } = size;
     let python = python::environment()?;
+    python.add_dolphin()?;
     run(&mut cargo("build --release"))?;
-    let folder = folders::target()?.join("peers");
+    let folder = folders::target()?.join("compare");
     std::fs::create_dir_all(&folder)
         .map_err(|e| format!("cannot make {}: {e}", folder.display()))?;
     let series = folder.join(format!("speckle-{width}x{height}x{frames}.npy"));
@@ -56,5 +60,6 @@ pub(crate) fn compare(size: Size) -> Result {
         );
         run(command(&phasewalk).args(scene.split_whitespace()).arg(&series))?;
     }
-    run(python.script("side_by_side.py").arg(&phasewalk).arg(&series))
+    let mut all = python.script("side_by_side.py");
+    run(all.arg(&phasewalk).arg(&series).arg("--crop").arg(crop.to_string()))
 }
