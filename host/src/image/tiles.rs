@@ -142,11 +142,11 @@ impl Fit<'_> {
     fn tile(&self, band: &Band, block: &Block, columns: Range<usize>) -> Result<Tile> {
         let task = TileTask { fit: self, band, block, columns };
         let squares = self.path.run(task)??;
-        self.solve(squares, block.looks)
+        self.solve(squares)
     }
 
     /// The model of a tile and what follows from it.
-    fn solve(&self, mut squares: Squares, block_looks: f64) -> Result<Tile> {
+    fn solve(&self, mut squares: Squares) -> Result<Tile> {
         let n = self.plan.frames();
         let mut reals = zeros(Buffers::<f64>::reals(n), TILES)?;
         let mut lags = filled(Lag { tau: 0.0, mean: 0.0, pairs: 0.0 }, n * n / 2 + 1, TILES)?;
@@ -157,7 +157,7 @@ impl Fit<'_> {
         let buffers = Buffers { reals: &mut reals, lags: &mut lags, indices: &mut indices };
         // The spread of a mean squared coherence is 1 / (L sqrt(blocks)).
         let blocks = squares.blocks.max(1) as f64 * self.looks_of_recordings;
-        let mut model = Model::new(&self.plan.times_s, block_looks * blocks.sqrt(), buffers);
+        let mut model = Model::new(&self.plan.times_s, squares.looks * blocks.sqrt(), buffers);
         model.fit_blind(&Square::new(&mut squares.product, n), &mut root);
         precision.copy_from(&model.gamma);
         precision.invert();
@@ -366,6 +366,31 @@ struct Squares {
     neighbours: Option<[f64; 2]>,
     /// Over how many blocks.
     blocks: usize,
+    /// Looks of a block.
+    looks: f64,
+}
+
+/// How full a tile's blocks are: at its ends and where pixels are missing they have fewer looks.
+#[derive(Default)]
+struct Filling {
+    blocks: usize,
+    /// Sum of n, the pixels of a block, and of n^2.
+    pixels: f64,
+    squares: f64,
+}
+
+impl Filling {
+    fn add(&mut self, pixels: usize) {
+        self.blocks += 1;
+        self.pixels += pixels as f64;
+        self.squares += (pixels as f64).powi(2);
+    }
+
+    /// 1 / (mean of 1/L) with the weights n^2 that blocks have in the sums, L being proportional to n.
+    fn looks(&self, block: &Block) -> f64 {
+        let filled = self.squares / (self.pixels * block.pixels() as f64);
+        block.looks * if filled > 0.0 { filled } else { 1.0 }
+    }
 }
 
 /// Finds the mean squared coherences of a tile.
@@ -385,7 +410,7 @@ impl LaneTask for TileTask<'_> {
         let planes = &self.fit.plan.depths;
         let recordings = planes.layers();
         let mut sums = vec![Sums::new(n)?; if planes.has_two_layers() { 2 } else { 1 }];
-        let mut blocks = 0;
+        let mut filling = Filling::default();
         let [tall, wide] = self.block.sides;
         for y in self.band.rows.clone().step_by(tall) {
             for x in self.columns.clone().step_by(wide) {
@@ -393,7 +418,7 @@ impl LaneTask for TileTask<'_> {
                 if (pixels.len() as f64) < FILLED * self.block.pixels() as f64 {
                     continue;
                 }
-                blocks += 1;
+                filling.add(pixels.len());
                 // Further recordings are further blocks: the bulk of each may move in its own way.
                 for layers in &recordings {
                     for (sums, layer) in sums.iter_mut().zip(layers.both()) {
@@ -402,8 +427,8 @@ impl LaneTask for TileTask<'_> {
                 }
             }
         }
-        let layers: Vec<Vec<f64>> =
-            sums.iter().map(|sums| sums.squares(self.block.looks, n)).collect();
+        let looks = filling.looks(self.block);
+        let layers: Vec<Vec<f64>> = sums.iter().map(|sums| sums.squares(looks, n)).collect();
         let neighbours = |layer: &Vec<f64>| {
             let of = |t: usize| layer[t * n + t + 1];
             (0..n - 1).map(of).sum::<f64>() / (n - 1) as f64
@@ -415,7 +440,8 @@ impl LaneTask for TileTask<'_> {
                 [first, second] => Some([neighbours(first), neighbours(second)]),
                 _ => None,
             },
-            blocks,
+            blocks: filling.blocks,
+            looks,
         })
     }
 }
@@ -520,6 +546,21 @@ fn total<L: Lanes<Element = f32>>(u: &[Complex<L>], v: &[Complex<L>]) -> Complex
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn half_a_block_has_half_the_looks() {
+        let block = Block { sides: [4, 5], looks: 16.0 };
+        let looks = |pixels: &[usize]| {
+            let mut filling = Filling::default();
+            pixels.iter().for_each(|&n| filling.add(n));
+            filling.looks(&block)
+        };
+        assert_eq!(looks(&[]), 16.0);
+        assert_eq!(looks(&[20, 20]), 16.0);
+        assert_eq!(looks(&[10, 10, 10]), 8.0);
+        // 1/L = (4/16 + 1/8) / (4 + 1) of blocks that weigh 4 and 1.
+        assert!((looks(&[20, 10]) - 40.0 / 3.0).abs() < 1e-12);
+    }
 
     #[test]
     fn tiles_are_whole_strips_and_blocks() {
