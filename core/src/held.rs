@@ -10,9 +10,10 @@
 //! next to it, and all once more next to their mean. So nothing need be free of wrapping but the change from
 //! frame to frame, below pi.
 //!
-//! The newest phase is as exact as that of [`crate::pair_walk`], where all phases move: what later frames tell of earlier
-//! ones hardly helps the newest. Rms errors of the last of 70 frames by both, pairs up to 16 frames apart
-//! at 100 looks (`cargo test -p phasewalk-core as_exact_as -- --nocapture`; 200 runs, standard error 5 %, the runs being the same):
+//! The newest phase is about as exact as that of [`crate::pair_walk`], where all phases move: what later frames tell of
+//! earlier ones hardly helps the newest. Rms errors of the last of 70 frames by both, at 100 looks, pairs up to 16
+//! frames apart (`cargo test -p phasewalk-core as_exact_as -- --nocapture`; 200 runs, the same for both, standard
+//! error 5 %):
 //!
 //! | rho per frame, noise over signal | held | all moving |
 //! |---|---|---|
@@ -153,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_as_exact_as_the_solution_whose_phases_all_move() {
+    fn it_is_about_as_exact_as_the_solution_whose_phases_all_move() {
         const RUNS: u64 = 200;
         for (rho, noise) in [(0.926, 0.0), (0.735, 0.0), (0.926, 0.5), (0.926, 1.0)] {
             let mut squares = [0.0; 2];
