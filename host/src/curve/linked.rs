@@ -14,10 +14,13 @@ use phasewalk_core::lags::Lags;
 use phasewalk_core::linking::{Buffers, Results, Settings, link_series};
 use rayon::prelude::*;
 
-/// Looks of the sub-windows over which each layer's cross-spectrum is averaged before the two are
-/// multiplied: few enough that a bulk tilt across the mask cancels within each, many enough that
-/// the product of two noises stays small.
-pub const LINKED_WINDOW_LOOKS: f64 = 16.0;
+/// Looks of the sub-windows over which each layer's cross-spectrum is averaged before the two are multiplied, in a mask of
+/// so many looks: few enough that a bulk tilt across the mask cancels within each, many enough that the product of two
+/// noises stays small. A larger mask is flatter within a window: 3/4 of the root, 16 at least and 24 at most.
+#[must_use]
+pub fn window_looks(looks: f64) -> f64 {
+    (0.75 * looks.sqrt()).clamp(16.0, 24.0)
+}
 
 /// What the memory of an estimate is called when it is short.
 pub(super) const MATRICES: &str = "the matrices of all pairs of frames";

@@ -13,7 +13,7 @@ mod linked;
 mod region;
 
 pub(crate) use linked::link;
-pub use linked::{LINKED_WINDOW_LOOKS, Linked, link_region};
+pub use linked::{Linked, link_region, window_looks};
 pub use region::Region;
 
 use crate::error::Result;

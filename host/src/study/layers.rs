@@ -8,7 +8,7 @@
 use super::estimators::plan;
 use super::sample::Draw;
 use super::{Scenario, Score, Scores};
-use crate::curve::{LINKED_WINDOW_LOOKS, Region, link_region};
+use crate::curve::{Region, link_region, window_looks};
 use crate::error::Result;
 use crate::io::{Series, Shape};
 use crate::looks::SpatialCoherence;
@@ -93,8 +93,8 @@ fn estimate(scenario: &Scenario, series: &HeldSeries) -> Result<(Vec<f64>, Vec<f
     let coherence = SpatialCoherence::estimate(series, &survey, &[0])?;
     let side = series.shape().width;
     let mask = vec![true; side * side];
-    let window = coherence.block_of_looks(LINKED_WINDOW_LOOKS, 1.0, series.shape());
     let looks = coherence.looks_of_mask(&mask, side);
+    let window = coherence.block_of_looks(window_looks(looks), 1.0, series.shape());
     let silent = Progress::hidden();
     let region = Region::read(series, &survey, &mask, &plan, Some(window), &silent)?;
     let rows = link_region(&region, &plan, looks, &silent)?.rows;

@@ -3,7 +3,7 @@
 use super::figure::FigureFile;
 use super::{AddedLooks, Task, check_looks, closure};
 use crate::cli::print;
-use crate::curve::{LINKED_WINDOW_LOOKS, Linked, Region, curve, link_region, subtract};
+use crate::curve::{Linked, Region, curve, link_region, subtract, window_looks};
 use crate::error::{Error, Result};
 use crate::figures::{Canvas, PhaseCurve};
 use crate::io::{CurveRow, Series, Shape, read_mask, without_rim, write_curve};
@@ -210,13 +210,12 @@ impl<'a> Ground<'a> {
         Ok(Self { task, survey, coherence, added })
     }
 
-    /// The sub-windows that linked phases of two layers need.
-    fn window(&self) -> Option<Block> {
+    /// The sub-windows that linked phases of two layers need, in a mask of so many looks.
+    fn window(&self, looks: f64) -> Option<Block> {
         let Task { good, plan, .. } = self.task;
         let two = plan.method == Method::Linked && plan.depths.has_two_layers();
-        let of_looks =
-            |looks| self.coherence.block_of_looks(looks, self.added.depths, good.shape());
-        two.then(|| of_looks(LINKED_WINDOW_LOOKS))
+        let looks = window_looks(looks);
+        two.then(|| self.coherence.block_of_looks(looks, self.added.depths, good.shape()))
     }
 
     /// The curve of the region that `flag` asked for, and the direct difference for the figure.
@@ -224,11 +223,13 @@ impl<'a> Ground<'a> {
         let Task { arguments, good, plan, .. } = self.task;
         let Shape { frames, width, .. } = good.shape();
         let progress = Progress::new(name, 2 * frames as u64);
-        let region = Region::read(good, self.survey, mask, plan, self.window(), &progress)
-            .map_err(|error| error.about(path))?;
         let usable: Vec<bool> =
             mask.iter().zip(&self.survey.valid).map(|(&m, &v)| m && v).collect();
-        let effective_looks = self.coherence.looks_of_mask(&usable, width) * self.added.product();
+        let pixel_looks = self.coherence.looks_of_mask(&usable, width);
+        let window = self.window(pixel_looks * self.added.depths);
+        let region = Region::read(good, self.survey, mask, plan, window, &progress)
+            .map_err(|error| error.about(path))?;
+        let effective_looks = pixel_looks * self.added.product();
         let nominal = (region.pixels() * arguments.series.len()) as f64;
         let looks = arguments.looks().choose(nominal, effective_looks);
         check_looks(plan.method, looks, flag)?;
