@@ -69,9 +69,12 @@ impl Layout {
         }
         // The neighbours of a lane's ends are in the lanes beside it.
         for vector in 0..halo {
-            for channel in 0..CH {
-                row[vector][channel] = row[vector + blocks][channel].rotate_up();
-                row[vector + blocks + halo][channel] = row[vector + halo][channel].rotate_down();
+            let (above, below) = (row[vector + blocks], row[vector + halo]);
+            for (number, above) in row[vector].iter_mut().zip(above) {
+                *number = above.rotate_up();
+            }
+            for (number, below) in row[vector + blocks + halo].iter_mut().zip(below) {
+                *number = below.rotate_down();
             }
         }
         if L::WIDTH * blocks != self.width {
