@@ -2,9 +2,11 @@
 
 use crate::error::{Error, Result};
 use num_complex::{Complex, Complex64};
+use phasewalk_core::quality::USABLE;
 use phasewalk_core::tracker::{Absorb, Estimate, NODES, Tracker, TrackerSettings};
 
-/// Newest phase of each frame against the first, and its standard deviation, from ⟨U_i conj U_j⟩, N x N.
+/// Newest phase of each frame against the first, and its standard deviation, from ⟨U_i conj U_j⟩, N x N; infinite for
+/// frames that are not usable (an outlier has no phase).
 ///
 /// A node of the tracker is a sum of frames, X_j = sum over n of share_jn U_n, so that
 /// ⟨U_i conj X_j⟩ = sum over n of ⟨U_i conj U_n⟩ conj share_jn.
@@ -30,7 +32,11 @@ pub fn track(cross: &[Complex64], times: &[f64], looks: f64) -> Result<(Vec<f64>
         alone[i] = Complex::new(1.0, 0.0);
         shares.push(alone);
     }
-    Ok(newest.iter().map(|estimate| (estimate.phase_rad, estimate.sigma_rad)).unzip())
+    let told = |estimate: &Estimate<f64>| {
+        let usable = estimate.quality > USABLE;
+        (estimate.phase_rad, if usable { estimate.sigma_rad } else { f64::INFINITY })
+    };
+    Ok(newest.iter().map(told).unzip())
 }
 
 /// Do with the nodes as the tracker says.
