@@ -27,6 +27,8 @@ const DEPTHS: usize = 4;
 const FIRST_REACH: usize = 6;
 const STILL_COHERENT: f64 = 0.02;
 const LAST_REACH: usize = 48;
+/// What neighbours have in common is not chance, which leaves 1/pixels, if it is so many times that.
+const SEEN: f64 = 30.0;
 
 /// Which number of looks sets the weights' threshold and debiasing (paper lines 800-820).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -97,13 +99,13 @@ impl SpatialCoherence {
     /// When the series cannot be read or the user interrupts.
     pub fn estimate(series: &dyn Series, survey: &Survey, depths: &[usize]) -> Result<Self> {
         let Shape { frames, height, width, .. } = series.shape();
-        let mut fields = Vec::new();
+        let mut sampled = Vec::new();
         for frame in spread(frames) {
             progress::check()?;
-            for &depth in depths.iter().take(DEPTHS) {
-                fields.push(read_usable(series, survey, frame, depth)?);
-            }
+            let read = |&depth: &usize| read_usable(series, survey, frame, depth);
+            sampled.push(depths.iter().take(DEPTHS).map(read).collect::<Result<Vec<_>>>()?);
         }
+        let fields: Vec<_> = with_speckle(sampled, width).into_iter().flatten().collect();
         let limits = [height, width].map(|side| LAST_REACH.min((side - 1) / 2) as isize);
         let mut reach = limits.map(|limit| limit.min(FIRST_REACH as isize));
         loop {
@@ -233,6 +235,29 @@ pub fn looks_of_depths(series: &dyn Series, survey: &Survey, depths: &[usize]) -
     Ok(if parts > 0.0 { whole / parts } else { 1.0 })
 }
 
+/// Leave out frames that hold noise only, or nothing: their pixels are independent whatever the aperture does. Where
+/// neighbours have anything in common at all, it is less than half as much in them as in the middle one of the frames.
+fn with_speckle(mut frames: Vec<Vec<Vec<Complex32>>>, width: usize) -> Vec<Vec<Vec<Complex32>>> {
+    let lit = |fields: &Vec<Vec<Complex32>>| fields.iter().flatten().any(|u| u.norm_sqr() > 0.0);
+    if frames.iter().any(lit) {
+        frames.retain(lit);
+    }
+    let common = |fields: &Vec<Vec<Complex32>>| -> f64 {
+        let of = |field: &Vec<Complex32>| {
+            squared_coherence_of(field, width, 0, 1) + squared_coherence_of(field, width, 1, 0)
+        };
+        fields.iter().map(of).sum::<f64>() / fields.len().max(1) as f64
+    };
+    let mut sorted: Vec<f64> = frames.iter().map(common).collect();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let middle = sorted.get(sorted.len() / 2).copied().unwrap_or_default();
+    let pixels = frames.first().and_then(|fields| fields.first()).map_or(0, Vec::len);
+    if middle * pixels as f64 > SEEN {
+        frames.retain(|fields| common(fields) > middle / 2.0);
+    }
+    frames
+}
+
 /// A frame at one depth, scaled, 0 where it is not usable.
 fn read_usable(
     series: &dyn Series,
@@ -310,6 +335,32 @@ mod tests {
             let wanted = coherence.looks_of_mask(&mask, sides[1]);
             assert!((coherence.looks_of_rectangle(sides) - wanted).abs() < 1e-12, "{sides:?}");
         }
+    }
+
+    /// Noise and darkness in some of the frames say nothing of the speckle's size.
+    #[test]
+    fn noise_and_darkness_are_no_speckle() {
+        const SIDE: usize = 64;
+        let number = |seed: usize, i: usize| {
+            // Weyl's sequence: an irrational angle for each place.
+            let angle = ((seed * 7919 + i) as f64 * 0.754_877_666_246_692_7).fract();
+            Complex32::from_polar(1.0, (std::f64::consts::TAU * angle * i as f64) as f32)
+        };
+        let noise = |seed: usize| (0..SIDE * SIDE).map(|i| number(seed, i)).collect::<Vec<_>>();
+        // Neighbours along x share half of what they are.
+        let speckle = |seed: usize| {
+            let white = noise(seed);
+            (0..white.len()).map(|i| white[i] + white[(i + 1) % white.len()]).collect::<Vec<_>>()
+        };
+        let dark = vec![Complex32::default(); SIDE * SIDE];
+        let good: Vec<_> = (1..=3).map(|seed| vec![speckle(seed)]).collect();
+        let mut mixed = good.clone();
+        mixed.insert(0, vec![dark.clone()]);
+        mixed.insert(2, vec![noise(4)]);
+        assert_eq!(with_speckle(mixed, SIDE), good);
+        let only_noise: Vec<_> = (1..=4).map(|seed| vec![noise(seed)]).collect();
+        assert_eq!(with_speckle(only_noise.clone(), SIDE), only_noise);
+        assert_eq!(with_speckle(vec![vec![dark.clone()]], SIDE), [[dark]]);
     }
 
     /// Independent pixels of a small image count one each, whatever chance correlates.

@@ -294,6 +294,12 @@ impl Tiles {
         image
     }
 
+    /// Has a frame a phase in any tile?
+    #[must_use]
+    pub fn is_usable(&self, frame: usize) -> bool {
+        self.tiles.iter().any(|tile| tile.usable.get(frame) == Some(&true))
+    }
+
     /// Bytes of all tiles.
     #[must_use]
     pub fn bytes(&self) -> u64 {

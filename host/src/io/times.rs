@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 const TIME_COLUMN: &str = "time_s";
 
 /// Read one time per frame, seconds: an `.npy` array of one axis, a text file with a number per line, a table with
-/// commas between its columns and a header (the column `time_s`, else the first), or the run log of the trigger board,
+/// commas between its columns and a header (the column `time_s`), or the run log of the trigger board,
 /// which has a time for each volume that was taken.
 ///
 /// # Errors
@@ -70,8 +70,14 @@ fn read_text(path: &Path, text: &str) -> Result<Vec<f64>> {
     let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()).peekable();
     let header = lines.next_if(|(_, line)| columns(line)[0].parse::<f64>().is_err());
     let names = header.map(|(_, line)| columns(line.trim_start_matches('#')));
-    let named = |names: &Vec<&str>| names.iter().position(|&name| name == TIME_COLUMN);
-    let time = names.as_ref().and_then(named).unwrap_or_default();
+    let named = |names: &Vec<&str>| names.iter().position(|&name| is_time_column(name));
+    let time = match &names {
+        Some(names) if names.len() > 1 => named(names).ok_or_else(|| {
+            let (all, wanted) = (names.join(", "), TIME_COLUMN);
+            Error::file(path, format!("has the columns {all}: call that of the times {wanted}"))
+        })?,
+        _ => 0,
+    };
     let read = |(number, line): (usize, &str)| {
         let about = |what: String| Error::file(path, format!("line {}: {what}", number + 1));
         let fields = columns(line);
@@ -79,6 +85,11 @@ fn read_text(path: &Path, text: &str) -> Result<Vec<f64>> {
         fields[time].parse().map_err(|_| about(format!("'{}' is no time", fields[time])))
     };
     lines.map(read).collect()
+}
+
+/// Whatever the case, and in quotes or not.
+fn is_time_column(name: &str) -> bool {
+    name.trim_matches(['"', '\'', ' ']).eq_ignore_ascii_case(TIME_COLUMN)
 }
 
 /// The fields of a line; at least one.
@@ -181,7 +192,8 @@ mod tests {
         assert_eq!(read(curve, 2).unwrap(), [0.25, 0.75]);
         let saved = "\u{feff}# n, time_s\r\n0, 2\r\n1, 4\r\n";
         assert_eq!(read(saved, 2).unwrap(), [2.0, 4.0]);
-        assert_eq!(read("t,n\n3,7\n5,8\n", 2).unwrap(), [3.0, 5.0]);
+        assert_eq!(read("\"frame\",\"Time_S\"\n0,3\n1,5\n", 2).unwrap(), [3.0, 5.0]);
+        assert_eq!(read("t\n3\n5\n", 2).unwrap(), [3.0, 5.0]);
     }
 
     #[test]
@@ -190,6 +202,7 @@ mod tests {
             ("0,5\n1,5\n", ["line 1: '0,5' has 2 columns", "no header", "time_s"]),
             ("0\n1,5\n", ["line 2: '1,5' has 2 columns", "no header", "point"]),
             ("time_s\n0,5\n1,5\n", ["line 2: '0,5' has 2 columns", "names 1", "point"]),
+            ("frame,ms\n0,5\n1,6\n", ["columns frame, ms", "call that", "time_s"]),
             ("frame,time_s\n0\n1\n", ["line 2: '0' has 1 column,", "names 2", "time_s"]),
         ] {
             let error = read(text, 2).unwrap_err().to_string();

@@ -70,7 +70,7 @@ pub(in crate::cli) struct Arguments {
     #[arg(long, value_name = "FRAME", allow_negative_numbers = true)]
     pub(super) reference_frame: Option<usize>,
     /// When the frames were taken, in seconds: one time per frame, .npy, a text file with a number per line or a .csv
-    /// table with a header (its column time_s, else the first), or the run log of the trigger board (`trigger run --log`)
+    /// table with a header (its column time_s), or the run log of the trigger board (`trigger run --log`)
     /// [default: the series' own times (time_s of a .zarr group, F.times.npy beside F.npy), else the numbers of the frames]
     #[arg(long, value_name = "FILE")]
     pub(super) times: Option<PathBuf>,

@@ -13,7 +13,6 @@ use crate::notes;
 use crate::progress::Progress;
 use crate::series::Survey;
 use phasewalk_core::closure::Closure;
-use phasewalk_core::reference::reference_span;
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -92,7 +91,8 @@ impl Task<'_> {
         if bridged > 0 && !self.common.json {
             print(&self.without_phase(bridged));
         }
-        let other = self.other_reference(&result.rows).filter(|_| !self.common.json);
+        let has_phase = |frame: usize| result.rows[frame].phase_rad.is_finite();
+        let other = self.other_reference(has_phase).filter(|_| !self.common.json);
         if let Some(other) = other {
             print(&other);
         }
@@ -111,21 +111,6 @@ impl Task<'_> {
             Method::Linked => format!("{count} of {frames} frames have no usable phase: nan"),
             _ => format!("{count} of {frames} frames have no pair above random phases: bridged"),
         }
-    }
-
-    /// Linked phases whose reference is not where it is looked for.
-    fn other_reference(&self, rows: &[CurveRow]) -> Option<String> {
-        let usable: Vec<f64> =
-            rows.iter().map(|row| f64::from(u8::from(row.phase_rad.is_finite()))).collect();
-        let wanted = self.plan.params.reference_frames;
-        let last = reference_span(&usable, wanted).saturating_sub(1);
-        let linked = self.plan.method == Method::Linked;
-        (linked && last >= wanted).then(|| {
-            let frame = self.good.numbers()[last];
-            format!(
-                "none of the first {wanted} frames is usable: phases refer to the first usable ones, up to frame {frame}"
-            )
-        })
     }
 
     /// The curve of all frames with the direct difference.

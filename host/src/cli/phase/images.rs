@@ -92,7 +92,8 @@ impl Task<'_> {
         self.tell([in_words(&memory, height)]);
         let mut facts =
             self.facts(job.survey, job.looks, job.effective_looks, recordings, memory.bytes);
-        facts.insert("reference_frames".to_owned(), self.reference_frames(|_| true));
+        let usable = |frame: usize| job.tiles.is_none_or(|tiles| tiles.is_usable(frame));
+        facts.insert("reference_frames".to_owned(), self.reference_frames(usable));
         let map_file =
             self.arguments.decorrelation.as_deref().map(FigureFile::create).transpose()?;
         let layout = self.layout(memory.strip_rows, facts.clone());
@@ -123,7 +124,8 @@ impl Task<'_> {
         }
         facts.insert("pixels_without_weight".to_owned(), json!(unmeasured));
         let closure = closure.map(|closure| closure::map_in_words(&closure));
-        let lines = [map.map(|map| map.in_words()), closure, self.without_weight(unmeasured)];
+        let map = map.map(|map| map.in_words());
+        let lines = [self.other_reference(usable), map, closure, self.without_weight(unmeasured)];
         self.tell(lines.into_iter().flatten());
         let left_out = left_out(job.survey);
         self.report(&format!("{width} x {height} pixels{left_out}"), facts, &files);

@@ -103,14 +103,28 @@ impl Task<'_> {
     /// The numbers, counting bad sweeps, of the frames whose mean phase is zero: of the first good ones those that have a
     /// phase; of linked phases, where none has, the first that have.
     pub(super) fn reference_frames(&self, has_phase: impl Fn(usize) -> bool) -> Value {
-        let numbers = self.good.numbers();
+        let span = self.reference_span(&has_phase);
+        let first = self.good.numbers().iter().take(span).enumerate();
+        json!(first.filter(|&(t, _)| has_phase(t)).map(|(_, number)| number).collect::<Vec<_>>())
+    }
+
+    /// How many leading frames hold the reference.
+    fn reference_span(&self, has_phase: &impl Fn(usize) -> bool) -> usize {
         let usable: Vec<f64> =
-            (0..numbers.len()).map(|t| f64::from(u8::from(has_phase(t)))).collect();
+            (0..self.plan.frames()).map(|t| f64::from(u8::from(has_phase(t)))).collect();
         let wanted = self.plan.params.reference_frames;
         let linked = self.plan.method == Method::Linked;
-        let span = if linked { reference_span(&usable, wanted) } else { wanted };
-        let first = numbers.iter().take(span).zip(&usable);
-        json!(first.filter(|&(_, &u)| u > 0.0).map(|(number, _)| number).collect::<Vec<_>>())
+        if linked { reference_span(&usable, wanted) } else { wanted }
+    }
+
+    /// In words, where the reference is not where it is looked for.
+    pub(super) fn other_reference(&self, has_phase: impl Fn(usize) -> bool) -> Option<String> {
+        let wanted = self.plan.params.reference_frames;
+        let last = self.reference_span(&has_phase).saturating_sub(1);
+        let frame = self.good.numbers().get(last).filter(|_| last >= wanted)?;
+        Some(format!(
+            "none of the first {wanted} frames is usable: phases refer to the first usable ones, up to frame {frame}"
+        ))
     }
 
     /// What the times are counted in.

@@ -20,6 +20,9 @@ use std::time::Duration;
 /// What the line names as its format.
 pub const PIPE_FORMAT: &str = "phasewalk-frames/1";
 
+/// Bytes of a frame that are no mistake in the line: more than any camera has, and room for them.
+const LARGEST_FRAME: usize = 2_000_000_000;
+
 /// The line has about a hundred characters.
 const LONGEST_LINE: u64 = 65_536;
 /// Frames read ahead.
@@ -136,9 +139,12 @@ fn read_line(source: &mut impl BufRead) -> Result<FrameFormat> {
         )));
     }
     let Line { height, width, interval_s, wavelength_nm, .. } = line;
-    let pixels = byte_count(&[height, width], size_of::<Complex32>()).filter(|&bytes| bytes > 0);
-    if pixels.is_none() {
-        return Err(wrong(format!("frames of {width} x {height} pixels cannot be")));
+    let bytes = byte_count(&[height, width], size_of::<Complex32>());
+    if !bytes.is_some_and(|bytes| (1..=LARGEST_FRAME).contains(&bytes)) {
+        return Err(wrong(format!(
+            "frames of {width} x {height} pixels cannot be: they have from 1 pixel to {} MB",
+            LARGEST_FRAME / 1_000_000
+        )));
     }
     for (key, value) in [("interval_s", interval_s), ("wavelength_nm", wavelength_nm)] {
         if let Some(value) = value.filter(|&value| !value.is_finite() || value <= 0.0) {
