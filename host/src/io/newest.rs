@@ -193,7 +193,7 @@ mod tests {
             (
                 "C.csv",
                 "frame,time_s,phase_rad,sigma_rad,opl_nm,sigma_nm\n",
-                "7,3.5,0.5,nan,1.0,nan\n",
+                "7,3.5,0.5,inf,1.0,inf\n",
             ),
             (
                 "C.ndjson",
