@@ -2,7 +2,7 @@
 //! `cargo run --release -p phasewalk-tests --example oct_table -- [SEEDS] [PRESET ...]`, where a preset
 //! may have options of `simulate oct` behind it in the same argument.
 
-use phasewalk_tests::oct::{CurveError, Scores, score};
+use phasewalk_tests::oct::{CurveError, Scores, score, without_wide_rim};
 use phasewalk_tests::program::Bench;
 
 fn main() {
@@ -19,15 +19,15 @@ fn main() {
     );
     println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
     for preset in &presets {
-        let scores: Vec<Scores> = (1..=seeds).map(|seed| row(preset, seed)).collect();
-        let curves: [fn(&Scores) -> CurveError; 7] = [
-            |s| s.linked,
-            |s| s.paper,
-            |s| s.phasor,
-            |s| s.direct,
-            |s| s.inner[0],
-            |s| s.inner[1],
-            |s| s.inner[2],
+        let scores: Vec<Row> = (1..=seeds).map(|seed| row(preset, seed)).collect();
+        let curves: [fn(&Row) -> CurveError; 7] = [
+            |row| row.scores.linked,
+            |row| row.scores.paper,
+            |row| row.scores.phasor,
+            |row| row.scores.direct,
+            |row| row.inner[0],
+            |row| row.inner[1],
+            |row| row.inner[2],
         ];
         let summary = curves.map(|curve| over_seeds(&scores.iter().map(curve).collect::<Vec<_>>()));
         let [linked, paper, phasor, direct, inner @ ..] = summary;
@@ -35,13 +35,13 @@ fn main() {
             "| {preset} | rms (end: mean ± deviation) | | | | | {linked} | {paper} | {phasor} | {direct} | {} | | | |",
             inner.join(", ")
         );
-        let more = |other: fn(&Scores) -> [CurveError; 2]| more_than(&scores, other);
+        let more = |other: fn(&Row) -> [CurveError; 2]| more_than(&scores, other);
         println!(
             "{preset}: mean square of linked less that of paper {}, phasor {}; wide rim off: paper {}, phasor {} rad^2",
-            more(|s| [s.linked, s.paper]),
-            more(|s| [s.linked, s.phasor]),
-            more(|s| [s.inner[0], s.inner[1]]),
-            more(|s| [s.inner[0], s.inner[2]]),
+            more(|row| [row.scores.linked, row.scores.paper]),
+            more(|row| [row.scores.linked, row.scores.phasor]),
+            more(|row| [row.inner[0], row.inner[1]]),
+            more(|row| [row.inner[0], row.inner[2]]),
         );
     }
 }
@@ -59,10 +59,10 @@ fn over_seeds(errors: &[CurveError]) -> String {
 
 /// By how much the first mean square exceeds the second, on the same recordings: mean over the seeds ± its standard
 /// error.
-fn more_than(scores: &[Scores], pair: fn(&Scores) -> [CurveError; 2]) -> String {
+fn more_than(scores: &[Row], pair: fn(&Row) -> [CurveError; 2]) -> String {
     let count = scores.len() as f64;
-    let excess = |s: &Scores| {
-        let [first, second] = pair(s);
+    let excess = |row: &Row| {
+        let [first, second] = pair(row);
         first.rms.powi(2) - second.rms.powi(2)
     };
     let mean = scores.iter().map(excess).sum::<f64>() / count;
@@ -70,11 +70,19 @@ fn more_than(scores: &[Scores], pair: fn(&Scores) -> [CurveError; 2]) -> String 
     format!("{mean:+.4} ± {:.4}", (square / (count * (count - 1.0))).sqrt())
 }
 
-fn row(preset: &str, seed: u64) -> Scores {
+/// One recording.
+struct Row {
+    scores: Scores,
+    /// Linked phases, the paper's method and phasors without a wide rim.
+    inner: [CurveError; 3],
+}
+
+fn row(preset: &str, seed: u64) -> Row {
     let bench = Bench::new();
     let sweep = if preset == "faulty" { "--sweep down" } else { "" };
     let scene = format!("--preset {preset} --seed {seed}");
     let s = score(&bench, &scene, &format!("--images 256 {sweep}"));
+    let inner = without_wide_rim(&bench);
     let [a2, a3] = s.dispersion;
     let [dz, dy, dx] = s.shift;
     let [isos, tips] = s.surfaces;
@@ -87,9 +95,9 @@ fn row(preset: &str, seed: u64) -> Scores {
         s.paper.rms,
         s.phasor.rms,
         s.direct.rms,
-        s.inner.map(|error| format!("{:.3}", error.rms)).join(", "),
+        inner.map(|error| format!("{:.3}", error.rms)).join(", "),
         s.bad_missed,
         s.good_lost
     );
-    s
+    Row { scores: s, inner }
 }

@@ -42,8 +42,6 @@ pub struct Scores {
     pub direct: CurveError,
     /// The paper's method on unit phasors.
     pub phasor: CurveError,
-    /// Linked, paper's method and phasors without a wide rim.
-    pub inner: [CurveError; 3],
     /// Sweeps taken for good that are bad.
     pub bad_missed: Vec<usize>,
     /// Sweeps taken for bad that are good.
@@ -76,7 +74,7 @@ pub fn compare(bench: &Bench) -> Scores {
     let which = |test: fn(f64, f64) -> bool| -> Vec<usize> {
         (0..ok.len()).filter(|&t| test(ok[t], truly_ok[t])).collect()
     };
-    let used: Vec<usize> = (0..ok.len()).filter(|&t| ok[t] * truly_ok[t] > 0.0).collect();
+    let used = used_sweeps(bench);
     let first = used.first().copied().unwrap_or(0);
     let (shifts, true_shifts) = (found("shift_px").1, truth("shift_px").1);
     let shift = [0, 1, 2].map(|axis| {
@@ -106,11 +104,27 @@ pub fn compare(bench: &Bench) -> Scores {
         linked: error(LINKED, RIM_PX),
         direct: error("--method direct", RIM_PX),
         phasor: error(PHASOR, RIM_PX),
-        inner: [LINKED, PAPER, PHASOR].map(|method| error(method, WIDE_RIM_PX)),
         bad_missed: which(|ok, truly| ok > truly),
         good_lost: which(|ok, truly| ok < truly),
         dead_pixels: [differ(|a, b| a < b), differ(|a, b| a > b)],
     }
+}
+
+/// Errors of linked phases, the paper's method and phasors without a wide rim.
+///
+/// # Panics
+/// As [`score`].
+#[must_use]
+pub fn without_wide_rim(bench: &Bench) -> [CurveError; 3] {
+    let used = used_sweeps(bench);
+    [LINKED, PAPER, PHASOR].map(|method| curve_error(bench, method, WIDE_RIM_PX, &used))
+}
+
+/// Sweeps that are good and were taken for it.
+fn used_sweeps(bench: &Bench) -> Vec<usize> {
+    let [found, truth] =
+        ["V.zarr", "R/truth.zarr"].map(|group| numbers(&bench.path(group).join("sweep_ok")).1);
+    (0..found.len()).filter(|&t| found[t] * truth[t] > 0.0).collect()
 }
 
 const LINKED: &str = "--method linked";

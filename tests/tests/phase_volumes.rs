@@ -517,8 +517,8 @@ fn images_are_drawn_as_the_papers_figure_has_them() {
     let _ = bench.succeed("phase V.zarr --gaussian 2 --figure F.svg -o P.npy");
     assert_eq!(fs::read(bench.path("A.npy")).unwrap(), fs::read(bench.path("P.npy")).unwrap());
     let svg = fs::read_to_string(bench.path("F.svg")).unwrap();
-    // Seven columns of three rows, and the colour bar.
-    assert_counts(&svg, &[("<image", 22), (">20 \u{b5}m<", 21), (">t = 0.0 s<", 1), (">u<", 1)]);
+    // Seven columns of four rows, and two colour bars.
+    assert_counts(&svg, &[("<image", 30), (">20 \u{b5}m<", 28), (">t = 0.0 s<", 1), (">u<", 1)]);
     for name in ["linked phases", "direct difference", "speckle amplitude"] {
         assert_counts(&svg, &[(&format!(">{name}<"), 1)]);
     }
@@ -532,7 +532,7 @@ fn images_are_drawn_as_the_papers_figure_has_them() {
     let line = "phase V.npy --layers 3..4,1..1 --gaussian 2 --at 7,15 --figure F.svg -o P.npy";
     let _ = bench.succeed(line);
     let svg = fs::read_to_string(bench.path("F.svg")).unwrap();
-    assert_counts(&svg, &[("<image", 7), (">frame 7<", 1), (">frame 15<", 1), ("\u{b5}m", 0)]);
+    assert_counts(&svg, &[("<image", 10), (">frame 7<", 1), (">frame 15<", 1), ("\u{b5}m", 0)]);
     let _ = bench.succeed("phase V.zarr --gaussian 2 --reference-frame 3 --figure F.png -o P.npy");
     assert!(fs::read(bench.path("F.png")).unwrap().starts_with(b"\x89PNG"));
 }
