@@ -400,6 +400,7 @@ where
         Some(node)
     }
 
+    /// Frame t has been eliminated.
     #[inline(always)]
     fn show(&self, t: usize, reach: usize, seen: &mut impl FnMut(&Eliminated<'_, T>)) {
         if let (Some(row), Some(node)) = (self.row(t), self.node(t)) {
@@ -448,7 +449,8 @@ where
         inverse
     }
 
-    /// The same for `later` as j and the frames behind it up to `last` as k, of the eliminated frame t with its 1 / p.
+    /// The new links of frame `later` to the frames behind it up to `last` (j and k of [`Self::ground_neighbours`]), from the
+    /// eliminated frame t with its 1 / p.
     #[inline(always)]
     fn join_row(&mut self, t: usize, later: usize, last: usize, inverse: T) {
         let Some((row, others)) = self.row_and_others(later, last) else { return };
