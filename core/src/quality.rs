@@ -15,8 +15,15 @@ const CUT: f64 = 0.35;
 /// Above this quality a frame carries the unwrapping.
 pub const SOUND: f64 = 0.6;
 
-/// Above this quality a frame's phase is reported.
+/// Above this quality a frame's phase is reported, where all frames are known.
 pub const USABLE: f64 = 0.3;
+
+/// Above this quality a frame's phase is reported when only those before it are known. Chance gives a frame that has
+/// nothing to do with them a quality in proportion to 1/sqrt(L): USABLE + 2/sqrt(L), but a sound frame counts.
+#[must_use]
+pub fn usable_above(looks: f64) -> f64 {
+    (USABLE + 2.0 / libm::sqrt(looks)).min(SOUND)
+}
 
 /// First guess: 0 for frames whose squared coherences with their 8 neighbours on each side are, in
 /// sum, below 0.35 of the median over pairs of the same lag; 1 for the others.
@@ -131,6 +138,12 @@ pub(crate) fn median<T: Real>(values: &mut [T]) -> T {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn few_looks_ask_for_more_quality() {
+        assert!((usable_above(100.0) - 0.5).abs() < 1e-12);
+        assert_eq!((usable_above(10.0), usable_above(f64::INFINITY)), (SOUND, USABLE));
+    }
 
     #[test]
     fn medians() {

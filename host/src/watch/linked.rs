@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::io::CurveRow;
 use crate::looks::Looks;
 use num_complex::{Complex32, Complex64};
-use phasewalk_core::quality::USABLE;
+use phasewalk_core::quality::usable_above;
 use phasewalk_core::tracker::{Absorb, Estimate, NODES, Tracker, TrackerSettings};
 use rayon::prelude::*;
 use std::collections::VecDeque;
@@ -66,7 +66,7 @@ impl LinkedCurve {
         if let Some(estimate) = absorb.smoothed() {
             let number = self.waiting.pop_front().unwrap_or(estimate.frame);
             if let Some(history) = &mut self.history {
-                history.push(row(number, &estimate));
+                history.push(row(number, &estimate, self.looks));
             }
         }
         match *absorb {
@@ -106,7 +106,8 @@ impl WatchedCurve for LinkedCurve {
         self.nodes.push_back(field);
         self.waiting.push_back(frame);
         // Cannot fail: numbers ascend, and the tracker has made room.
-        estimate.map_or(CurveRow::missing(frame, frame as f64), |estimate| row(frame, &estimate))
+        let missing = CurveRow::missing(frame, frame as f64);
+        estimate.map_or(missing, |estimate| row(frame, &estimate, self.looks))
     }
 
     fn smoothed(&self) -> Option<Vec<CurveRow>> {
@@ -114,7 +115,7 @@ impl WatchedCurve for LinkedCurve {
         let mut waiting = self.waiting.iter();
         self.tracker.finish(|estimate| {
             let number = waiting.next().copied().unwrap_or(estimate.frame);
-            rows.push(row(number, &estimate));
+            rows.push(row(number, &estimate, self.looks));
         });
         Some(rows)
     }
@@ -125,10 +126,10 @@ impl WatchedCurve for LinkedCurve {
 }
 
 /// A frame without a usable phase has none.
-fn row(number: usize, estimate: &Estimate<f64>) -> CurveRow {
+fn row(number: usize, estimate: &Estimate<f64>, looks: f64) -> CurveRow {
     let missing = CurveRow::missing(number, number as f64);
     let Estimate { phase_rad, sigma_rad, quality, .. } = *estimate;
-    if quality > USABLE {
+    if quality > usable_above(looks) {
         return CurveRow { phase_rad, sigma_rad, quality, ..missing };
     }
     CurveRow { sigma_rad: f64::INFINITY, quality, ..missing }
