@@ -18,8 +18,14 @@ pub const SOUND: f64 = 0.6;
 /// Above this quality a frame's phase is reported, where all frames are known.
 pub const USABLE: f64 = 0.3;
 
-/// Above this quality a frame's phase is reported when only those before it are known. Chance gives a frame that has
-/// nothing to do with them a quality in proportion to 1/sqrt(L): USABLE + 2/sqrt(L), but a sound frame counts.
+/// Above this quality a frame's phase is reported when only those before it, or few behind it, are known:
+///
+/// USABLE + 2 / sqrt(L), at most SOUND,
+///
+/// L the independent looks. Chance gives a frame that has nothing to do with the others a quality in proportion to
+/// 1/sqrt(L), and few frames do not average it away. The 2 is measured: in noise as strong as the signal and with 100
+/// looks a third of such frames are above 0.3, a few of a hundred above this (test of `tracker/arrival.rs`), and
+/// sound frames stay above it.
 #[must_use]
 pub fn usable_above(looks: f64) -> f64 {
     (USABLE + 2.0 / libm::sqrt(looks)).min(SOUND)

@@ -116,3 +116,43 @@ impl<T: Real, const NODES: usize, const M: usize> Tracker<T, NODES, M> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::quality::USABLE;
+    use crate::tracker::testing::{FRAMES, Speckle, truth};
+    use crate::tracker::{FieldTracker, NODES, TrackerSettings};
+
+    /// Every 15th frame holds another pattern, as bright; noise is as strong as the signal.
+    #[test]
+    fn frames_that_agree_by_chance_are_not_usable() {
+        const LOOKS: usize = 100;
+        const RUNS: u64 = 40;
+        let (mut bad, mut passed, mut above_03, mut good, mut lost) = (0, 0, 0, 0, 0);
+        for seed in 0..RUNS {
+            let settings = TrackerSettings::for_looks(LOOKS as f64, 1.0);
+            let mut tracker = FieldTracker::<f64, LOOKS, NODES>::new(settings).unwrap();
+            let mut speckle = Speckle::<LOOKS>::new(seed, 0.9258);
+            for frame in 0..FRAMES {
+                let is_bad = frame % 15 == 14;
+                let noise = if is_bad { 1e6 } else { 1.0 };
+                let field = speckle.frame(truth(frame), noise);
+                let newest = tracker.push(&field, frame as f64, |_| ()).unwrap();
+                let usable = newest.is_usable(LOOKS as f64);
+                if is_bad {
+                    bad += 1;
+                    passed += usize::from(usable);
+                    above_03 += usize::from(newest.quality > USABLE);
+                } else if frame > 0 {
+                    good += 1;
+                    lost += usize::from(!usable);
+                }
+            }
+        }
+        std::println!(
+            "{passed} of {bad} bad frames pass, {above_03} above 0.3; {lost} of {good} good ones lost"
+        );
+        assert!(passed * 12 < bad && above_03 * 5 > bad, "{passed} {above_03} {bad}");
+        assert!(lost * 200 < good, "{lost} {good}");
+    }
+}

@@ -63,6 +63,7 @@ pub use terms::{COSINES, DECAYS};
 
 use crate::coherence::Mixture;
 use crate::error::Error;
+use crate::quality::usable_above;
 use crate::scalar::Real;
 use crate::square::Square;
 use crate::storage::Matrix;
@@ -84,8 +85,16 @@ pub struct Estimate<T> {
     pub phase_rad: T,
     /// Standard deviation of that, radians; infinite as long as there is no usable reference frame.
     pub sigma_rad: T,
-    /// s, 0..=1: what the frame has in common with its neighbours; usable above 0.3.
+    /// s, 0..=1: what the frame has in common with its neighbours.
     pub quality: T,
+}
+
+impl<T: Real> Estimate<T> {
+    /// Is the phase worth reporting, with so many independent looks? See [`usable_above`].
+    #[must_use]
+    pub fn is_usable(&self, looks: f64) -> bool {
+        self.quality > T::from_f64(usable_above(looks))
+    }
 }
 
 /// What becomes of the oldest frame's field when the window is full.

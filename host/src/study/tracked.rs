@@ -2,7 +2,6 @@
 
 use crate::error::{Error, Result};
 use num_complex::{Complex, Complex64};
-use phasewalk_core::quality::usable_above;
 use phasewalk_core::tracker::{Absorb, Estimate, NODES, Tracker, TrackerSettings};
 
 /// Newest phase of each frame against the first, and its standard deviation, from ⟨U_i conj U_j⟩, N x N; infinite for
@@ -33,7 +32,7 @@ pub fn track(cross: &[Complex64], times: &[f64], looks: f64) -> Result<(Vec<f64>
         shares.push(alone);
     }
     let told = |estimate: &Estimate<f64>| {
-        let usable = estimate.quality > usable_above(looks);
+        let usable = estimate.is_usable(looks);
         (estimate.phase_rad, if usable { estimate.sigma_rad } else { f64::INFINITY })
     };
     Ok(newest.iter().map(told).unzip())

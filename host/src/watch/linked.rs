@@ -7,7 +7,6 @@ use crate::error::Result;
 use crate::io::CurveRow;
 use crate::looks::Looks;
 use num_complex::{Complex32, Complex64};
-use phasewalk_core::quality::usable_above;
 use phasewalk_core::tracker::{Absorb, Estimate, NODES, Tracker, TrackerSettings};
 use rayon::prelude::*;
 use std::collections::VecDeque;
@@ -129,7 +128,7 @@ impl WatchedCurve for LinkedCurve {
 fn row(number: usize, estimate: &Estimate<f64>, looks: f64) -> CurveRow {
     let missing = CurveRow::missing(number, number as f64);
     let Estimate { phase_rad, sigma_rad, quality, .. } = *estimate;
-    if quality > usable_above(looks) {
+    if estimate.is_usable(looks) {
         return CurveRow { phase_rad, sigma_rad, quality, ..missing };
     }
     CurveRow { sigma_rad: f64::INFINITY, quality, ..missing }
