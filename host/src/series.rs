@@ -74,6 +74,15 @@ pub struct Survey {
     pub scale: f32,
 }
 
+impl Survey {
+    /// The same, of the pixels of a mask (y, x) only.
+    #[must_use]
+    pub fn within(&self, mask: &[bool]) -> Self {
+        let valid = self.valid.iter().zip(mask).map(|(&v, &m)| v && m).collect();
+        Self { valid, ..*self }
+    }
+}
+
 /// Read the series once, all frames of the given depths.
 ///
 /// # Errors

@@ -6,7 +6,7 @@ use crate::curve::{Region, curve};
 use crate::error::Result;
 use crate::image::{Images, Imaging};
 use crate::io::CurveRow;
-use crate::looks::{Looks, SpatialCoherence};
+use crate::looks::{Looks, SpatialCoherence, speckled};
 use crate::method::{Depths, Method, Plan};
 use crate::progress::Progress;
 use crate::series::{Survey, survey};
@@ -47,6 +47,9 @@ pub struct Evaluation<'a> {
     /// The frames and their truth.
     pub recording: &'a Recording,
     survey: Survey,
+    /// Of the pixels of the x.
+    inside: SpatialCoherence,
+    /// Of the image.
     coherence: SpatialCoherence,
 }
 
@@ -57,8 +60,11 @@ impl<'a> Evaluation<'a> {
     /// The user's interruption.
     pub fn new(setup: &'a Setup, recording: &'a Recording) -> Result<Self> {
         let survey = survey(&recording.series, &[0])?;
-        let coherence = SpatialCoherence::estimate(&recording.series, &survey, &[0])?;
-        Ok(Self { setup, recording, survey, coherence })
+        let Recording { series, mask, .. } = recording;
+        let of = |survey: &Survey| SpatialCoherence::estimate(series, survey, &[0]);
+        let inside = of(&survey.within(mask))?;
+        let coherence = of(&speckled(series, &survey, 0)?)?;
+        Ok(Self { setup, recording, survey, inside, coherence })
     }
 
     fn plan(&self, method: Method) -> Result<Plan> {
@@ -86,7 +92,7 @@ impl<'a> Evaluation<'a> {
         progress: &Progress,
     ) -> Result<PhaseCurve> {
         let Recording { scene, mask, .. } = self.recording;
-        let effective = self.coherence.looks_of_mask(mask, scene.width);
+        let effective = self.inside.looks_of_mask(mask, scene.width);
         let looks = self.setup.looks.choose(region.pixels() as f64, effective);
         curve(region, &self.plan(method)?, looks, effective, progress).map(PhaseCurve::from)
     }

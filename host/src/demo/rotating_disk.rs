@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::figures::{Canvas, Measured, Profile};
 use crate::image::Imaging;
 use crate::io::{Series, Shape};
-use crate::looks::{Looks, SpatialCoherence};
+use crate::looks::{Looks, SpatialCoherence, speckled};
 use crate::method::{Depths, Method, Plan};
 use crate::series::survey;
 use ndarray::{Array3, Axis};
@@ -106,7 +106,7 @@ impl RotatingDisk {
     /// When the series cannot be read or is too small, or the user interrupts.
     pub fn evaluate(series: &dyn Series, geometry: Geometry, threads: usize) -> Result<Self> {
         let survey = survey(series, &[0])?;
-        let coherence = &SpatialCoherence::estimate(series, &survey, &[0])?;
+        let coherence = &SpatialCoherence::estimate(series, &speckled(series, &survey, 0)?, &[0])?;
         let imaging = Imaging {
             series,
             survey: &survey,

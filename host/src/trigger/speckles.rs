@@ -148,7 +148,8 @@ fn looks(
                     *inside = true;
                 }
             }
-            SpatialCoherence::estimate(series, survey, &[depth])?.looks_of_mask(&mask, width)
+            let within = survey.within(&mask);
+            SpatialCoherence::estimate(series, &within, &[depth])?.looks_of_mask(&mask, width)
         }
         _ => nominal,
     };

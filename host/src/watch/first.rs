@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::image::Kernel;
-use crate::io::Shape;
+use crate::io::{Series, Shape};
 use crate::looks::SpatialCoherence;
 use crate::series::{HeldSeries, Survey, survey};
 use num_complex::Complex32;
@@ -25,9 +25,8 @@ pub(super) fn scaled(u: Complex32, scale: f32) -> Complex32 {
 
 /// What is taken from the first usable frame and holds for all that follow.
 pub struct First {
+    series: HeldSeries,
     survey: Survey,
-    coherence: SpatialCoherence,
-    width: usize,
 }
 
 impl First {
@@ -39,8 +38,7 @@ impl First {
         let shape = Shape { frames: 1, depth: 1, height, width };
         let series = HeldSeries::new(shape, field.to_vec())?;
         let survey = survey(&series, &[0])?;
-        let coherence = SpatialCoherence::estimate(&series, &survey, &[0])?;
-        Ok(Self { survey, coherence, width })
+        Ok(Self { series, survey })
     }
 
     /// A power of two that brings amplitudes near 1, see [`Survey::scale`].
@@ -56,20 +54,23 @@ impl First {
         usable.filter(|&(_, (&m, &v))| m && v).map(|(i, _)| i).collect()
     }
 
-    /// Independent looks of the mean over these pixels.
-    #[must_use]
-    pub fn looks_of(&self, chosen: &[usize]) -> f64 {
-        let mut mask = vec![false; self.survey.valid.len()];
-        for &i in chosen {
-            mask[i] = true;
-        }
-        self.coherence.looks_of_mask(&mask, self.width)
+    /// Independent looks of the mean over the mask.
+    ///
+    /// # Errors
+    /// When the user interrupts.
+    pub fn looks_of(&self, mask: &[bool]) -> Result<f64> {
+        let within = self.survey.within(mask);
+        let coherence = SpatialCoherence::estimate(&self.series, &within, &[0])?;
+        Ok(coherence.looks_of_mask(&within.valid, self.series.shape().width))
     }
 
     /// Independent looks of the mean under a Gaussian.
-    #[must_use]
-    pub fn looks_of_kernel(&self, kernel: &Kernel) -> f64 {
-        self.coherence.looks_of_kernel(kernel)
+    ///
+    /// # Errors
+    /// When the user interrupts.
+    pub fn looks_of_kernel(&self, kernel: &Kernel) -> Result<f64> {
+        let coherence = SpatialCoherence::estimate(&self.series, &self.survey, &[0])?;
+        Ok(coherence.looks_of_kernel(kernel))
     }
 }
 

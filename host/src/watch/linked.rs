@@ -33,7 +33,7 @@ impl LinkedCurve {
     /// When no pixel is usable, or there are too few looks.
     pub fn new(first: &First, mask: &[bool], looks: Looks, history: bool) -> Result<Self> {
         let chosen = chosen(first, mask)?;
-        let looks = looks.choose(chosen.len() as f64, first.looks_of(&chosen));
+        let looks = looks.choose(chosen.len() as f64, first.looks_of(mask)?);
         Ok(Self {
             scale: first.scale(),
             looks,

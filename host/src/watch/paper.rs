@@ -61,7 +61,7 @@ impl PaperCurve {
     /// When no pixel is usable, or a parameter is out of its range.
     pub fn new(first: &First, mask: &[bool], settings: PaperSettings) -> Result<Self> {
         let chosen = chosen(first, mask)?;
-        let effective_looks = first.looks_of(&chosen);
+        let effective_looks = first.looks_of(mask)?;
         let looks = settings.looks.choose(chosen.len() as f64, effective_looks);
         let weights = Weights::new(Weighting::Paper, looks, RANDOM_PROBABILITY);
         Ok(Self {

@@ -7,7 +7,7 @@ use crate::curve::{Linked, Region, curve, link_region, subtract, window_looks};
 use crate::error::{Error, Result};
 use crate::figures::{Canvas, PhaseCurve};
 use crate::io::{CurveRow, Series, Shape, read_mask, without_rim, write_curve};
-use crate::looks::{Block, SpatialCoherence};
+use crate::looks::Block;
 use crate::method::{Method, Plan};
 use crate::notes;
 use crate::progress::Progress;
@@ -30,7 +30,7 @@ impl Task<'_> {
         let figure = self.arguments.figure.as_deref().map(FigureFile::create).transpose()?;
 
         let survey = self.survey()?;
-        let ground = Ground::new(self, &survey)?;
+        let ground = Ground { task: self, survey: &survey };
         let mut result = ground.evaluate("phase curve", &mask, path, "--mask")?;
         let control = control
             .map(|(mask, path)| ground.evaluate("control curve", &mask, path, "--control"))
@@ -185,36 +185,30 @@ fn read_control(path: &Path, mask: &[bool], width: usize) -> Result<Vec<bool>> {
 struct Ground<'a> {
     task: &'a Task<'a>,
     survey: &'a Survey,
-    coherence: SpatialCoherence,
-    added: AddedLooks,
 }
 
-impl<'a> Ground<'a> {
-    fn new(task: &'a Task<'a>, survey: &'a Survey) -> Result<Self> {
-        let (coherence, added) = (task.coherence(survey)?, task.added_looks(survey)?);
-        Ok(Self { task, survey, coherence, added })
-    }
-
-    /// The sub-windows that linked phases of two layers need, in a mask of so many looks.
-    fn window(&self, looks: f64) -> Option<Block> {
+impl Ground<'_> {
+    /// Independent looks of the pixels that can be used, what depths and recordings add to them, and the sub-windows
+    /// that linked phases of two layers need.
+    fn looks(&self, usable: &Survey) -> Result<(f64, AddedLooks, Option<Block>)> {
         let Task { good, plan, .. } = self.task;
+        let (coherence, added) = (self.task.coherence(usable)?, self.task.added_looks(usable)?);
+        let looks = coherence.looks_of_mask(&usable.valid, good.shape().width);
         let two = plan.method == Method::Linked && plan.depths.has_two_layers();
-        let looks = window_looks(looks);
-        two.then(|| self.coherence.block_of_looks(looks, self.added.depths, good.shape()))
+        let wanted = window_looks(looks * added.depths);
+        let window = two.then(|| coherence.block_of_looks(wanted, added.depths, good.shape()));
+        Ok((looks, added, window))
     }
 
     /// The curve of the region that `flag` asked for, and the direct difference for the figure.
     fn evaluate(&self, name: &str, mask: &[bool], path: &Path, flag: &str) -> Result<Evaluated> {
         let Task { arguments, good, plan, .. } = self.task;
-        let Shape { frames, width, .. } = good.shape();
+        let frames = good.shape().frames;
         let progress = Progress::new(name, 2 * frames as u64);
-        let usable: Vec<bool> =
-            mask.iter().zip(&self.survey.valid).map(|(&m, &v)| m && v).collect();
-        let pixel_looks = self.coherence.looks_of_mask(&usable, width);
-        let window = self.window(pixel_looks * self.added.depths);
+        let (pixel_looks, added, window) = self.looks(&self.survey.within(mask))?;
         let region = Region::read(good, self.survey, mask, plan, window, &progress)
             .map_err(|error| error.about(path))?;
-        let effective_looks = pixel_looks * self.added.product();
+        let effective_looks = pixel_looks * added.product();
         let nominal = (region.pixels() * arguments.series.len()) as f64;
         let looks = arguments.looks().choose(nominal, effective_looks);
         check_looks(plan.method, looks, flag)?;
@@ -237,7 +231,7 @@ impl<'a> Ground<'a> {
             left_out: region.left_out,
             looks,
             effective_looks,
-            recordings: self.added.recordings,
+            recordings: added.recordings,
             bytes: Region::bytes(
                 mask.iter().filter(|&&m| m).count(),
                 frames,

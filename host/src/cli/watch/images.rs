@@ -61,7 +61,7 @@ impl Task<'_> {
     /// Looks of the weights and the scale, by what the first usable frame tells.
     fn first_image(&self, field: &[Complex32], kernel: &Kernel) -> Result<(f64, f32)> {
         let first = First::of(field, kernel.height, kernel.width)?;
-        let effective = first.looks_of_kernel(kernel);
+        let effective = first.looks_of_kernel(kernel)?;
         let looks = self.arguments.looks().choose(kernel.nominal_looks(), effective);
         check_looks(Method::Paper(Weighting::Paper), looks, "--gaussian")?;
         Ok((looks, first.scale()))

@@ -1,0 +1,407 @@
+//! How far a speckle reaches: L = 1 / sum over x,x' of w(x) w(x') |mu(x-x')|^2, where mu(d) is the spatial coherence of
+//! the field, sum_x U(x) conj U(x+d), normalised by the powers at both ends.
+
+use super::{Product, SEEN, read_usable, spread};
+use crate::error::Result;
+use crate::image::Kernel;
+use crate::io::{Series, Shape};
+use crate::progress;
+use crate::series::Survey;
+use num_complex::Complex32;
+use phasewalk_core::weights::effective_looks;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Depths of each of the frames: they are held in memory.
+const DEPTHS: usize = 4;
+/// The widest distance looked at first, pixels; doubled while the coherence is still above
+/// [`STILL_COHERENT`] there.
+const FIRST_REACH: usize = 6;
+const STILL_COHERENT: f64 = 0.02;
+const LAST_REACH: usize = 48;
+/// What a few pairs may owe to chance at most: those at the ends of a small mask count for little.
+const MOST_CHANCE: f64 = 0.5;
+
+/// A rectangle of pixels over which a cross-spectrum is averaged: a square, where the image is wide enough both ways.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Block {
+    /// Rows and columns.
+    pub sides: [usize; 2],
+    /// Independent looks of the mean.
+    pub looks: f64,
+}
+
+impl Block {
+    /// Its number of pixels.
+    #[must_use]
+    pub const fn pixels(&self) -> usize {
+        self.sides[0] * self.sides[1]
+    }
+}
+
+/// |mu(d)|^2 for -reach <= d <= reach along y and x.
+pub struct SpatialCoherence {
+    reach: [isize; 2],
+    /// (dy, dx), row after row.
+    squared: Vec<f64>,
+}
+
+impl SpatialCoherence {
+    /// Estimate from the usable pixels of up to eight frames spread over the series, at up to four of the given depths.
+    ///
+    /// # Errors
+    /// When the series cannot be read or the user interrupts.
+    pub fn estimate(series: &dyn Series, survey: &Survey, depths: &[usize]) -> Result<Self> {
+        let Shape { frames, width, .. } = series.shape();
+        let window = Window::around(&survey.valid, width);
+        if window.rows.is_empty() {
+            return Ok(Self::of_independent_pixels());
+        }
+        let mut sampled = Vec::new();
+        for frame in spread(frames) {
+            progress::check()?;
+            let read = |&depth: &usize| -> Result<Vec<Complex32>> {
+                Ok(window.cut(&read_usable(series, survey, frame, depth)?, width))
+            };
+            sampled.push(depths.iter().take(DEPTHS).map(read).collect::<Result<Vec<_>>>()?);
+        }
+        let fields: Vec<_> =
+            with_speckle(sampled, window.columns.len()).into_iter().flatten().collect();
+        let sides = [window.rows.len(), window.columns.len()];
+        let limits = sides.map(|side| LAST_REACH.min(side.saturating_sub(1)) as isize);
+        let mut reach = limits.map(|limit| limit.min(FIRST_REACH as isize));
+        loop {
+            progress::check()?;
+            let (coherence, chance) = Self::of_fields(&fields, sides[1], reach);
+            if reach == limits || coherence.at_the_rim(limits) < STILL_COHERENT.max(2.0 * chance) {
+                return Ok(coherence);
+            }
+            reach = [0, 1].map(|axis| (2 * reach[axis]).min(limits[axis]));
+        }
+    }
+
+    /// What is left to say where no pixel can be used.
+    fn of_independent_pixels() -> Self {
+        Self { reach: [0, 0], squared: vec![1.0] }
+    }
+
+    /// And what chance adds to it, which is left out already.
+    fn of_fields(fields: &[Vec<Complex32>], width: usize, reach: [isize; 2]) -> (Self, f64) {
+        let [tall, wide] = reach.map(|reach| 2 * reach + 1);
+        let half = (tall * wide / 2) as usize;
+        // mu(-d) is the conjugate of mu(d): half of the distances are enough.
+        let measured: Vec<Measured> = (0..=half)
+            .into_par_iter()
+            .map(|i| {
+                let place = (half + i) as isize;
+                let d = (place / wide - reach[0], place % wide - reach[1]);
+                Measured::of(fields, width, d.0 as usize, d.1)
+            })
+            .collect();
+        let chance = chance(&measured);
+        let pixels = measured[0].pairs;
+        let squared = |i: usize| measured[i.abs_diff(half)].without(chance, pixels);
+        let squared = (0..=2 * half).map(squared).collect();
+        (Self { reach, squared }, chance)
+    }
+
+    /// Largest |mu|^2 on the rim of the window, where the image still reaches further.
+    fn at_the_rim(&self, limits: [isize; 2]) -> f64 {
+        let ends =
+            |axis: usize, d: isize| d.abs() == self.reach[axis] && self.reach[axis] < limits[axis];
+        let rim = self.distances().filter(|&(dy, dx, _)| ends(0, dy) || ends(1, dx));
+        rim.fold(0.0, |max, (_, _, s)| s.max(max))
+    }
+
+    fn distances(&self) -> impl Iterator<Item = (isize, isize, f64)> + '_ {
+        let [tall, wide] = self.reach.map(|reach| 2 * reach + 1);
+        (0..tall * wide)
+            .zip(&self.squared)
+            .map(move |(i, &s)| (i / wide - self.reach[0], i % wide - self.reach[1], s))
+    }
+
+    /// Effective looks of the mean over a mask (y, x).
+    #[must_use]
+    pub fn looks_of_mask(&self, mask: &[bool], width: usize) -> f64 {
+        let chosen: Vec<usize> = (0..mask.len()).filter(|&i| mask[i]).collect();
+        let count = chosen.len() as f64;
+        let height = mask.len() / width;
+        let partners = |dy: isize, dx: isize| {
+            let inside = |&&i: &&usize| {
+                let (y, x) = ((i / width) as isize + dy, (i % width) as isize + dx);
+                let contained =
+                    (0..height as isize).contains(&y) && (0..width as isize).contains(&x);
+                contained && mask[(y as usize) * width + x as usize]
+            };
+            chosen.iter().filter(inside).count() as f64
+        };
+        self.looks_of(|dy, dx| partners(dy, dx) / (count * count))
+    }
+
+    /// The smallest square whose mean has at least `looks` independent looks, where each pixel counts as `of_pixel` looks
+    /// (the depths of a layer); in an image that is narrower than that, a rectangle as wide as the image.
+    #[must_use]
+    pub fn block_of_looks(&self, looks: f64, of_pixel: f64, shape: Shape) -> Block {
+        let limits = [shape.height, shape.width];
+        let block = |side: usize| {
+            let sides = limits.map(|limit| limit.min(side));
+            Block { sides, looks: self.looks_of_rectangle(sides) * of_pixel }
+        };
+        let largest = limits[0].max(limits[1]).max(1);
+        (1..largest).map(block).find(|block| block.looks >= looks).unwrap_or(block(largest))
+    }
+
+    /// Effective looks of the mean over a rectangle.
+    fn looks_of_rectangle(&self, sides: [usize; 2]) -> f64 {
+        let count = (sides[0] * sides[1]) as f64;
+        let left = |axis: usize, d: isize| sides[axis].saturating_sub(d.unsigned_abs()) as f64;
+        self.looks_of(|dy, dx| left(0, dy) * left(1, dx) / (count * count))
+    }
+
+    /// Effective looks of the mean under a Gaussian that reaches over the edges to the other side, in the mean over the
+    /// image: of its pairs at a distance d round the image, a share |d| / side are really side - |d| apart.
+    #[must_use]
+    pub fn looks_of_kernel(&self, kernel: &Kernel) -> f64 {
+        let overlap = |reach: isize, side: usize| -> Vec<f64> {
+            let apart = |d: usize| side.saturating_sub(d) as f64 / side as f64;
+            (0..=reach as usize).map(|d| apart(d) * kernel.autocorrelation(d, side)).collect()
+        };
+        let along_y = overlap(self.reach[0], kernel.height);
+        let along_x = overlap(self.reach[1], kernel.width);
+        self.looks_of(|dy, dx| along_y[dy.unsigned_abs()] * along_x[dx.unsigned_abs()])
+    }
+
+    /// Looks of a mean with the autocorrelation `overlap` of its weights. What chance adds to and takes from |mu|^2 at
+    /// the single distances cancels in the sum, which must not fall below that of independent pixels.
+    fn looks_of(&self, overlap: impl Fn(isize, isize) -> f64) -> f64 {
+        let (mut own, mut others) = (0.0, 0.0);
+        for (dy, dx, s) in self.distances() {
+            let sum = if (dy, dx) == (0, 0) { &mut own } else { &mut others };
+            *sum += overlap(dy, dx) * s;
+        }
+        effective_looks([own, others.max(0.0)].into_iter())
+    }
+}
+
+/// The rows and columns that hold all usable pixels.
+struct Window {
+    rows: Range<usize>,
+    columns: Range<usize>,
+}
+
+impl Window {
+    fn around(valid: &[bool], width: usize) -> Self {
+        let places = (0..valid.len()).filter(|&i| valid[i]).map(|i| [i / width, i % width]);
+        let span = |axis: usize| {
+            let along = places.clone().map(|place| place[axis]);
+            along.clone().min().map_or(0..0, |first| first..along.max().unwrap_or(first) + 1)
+        };
+        Self { rows: span(0), columns: span(1) }
+    }
+
+    fn cut(&self, field: &[Complex32], width: usize) -> Vec<Complex32> {
+        let rows = self.rows.clone().map(|y| &field[y * width..][self.columns.clone()]);
+        rows.flatten().copied().collect()
+    }
+}
+
+/// |mu|^2 at one distance, as it comes out.
+struct Measured {
+    /// Averaged over the fields, each by itself: a phase ramp that changes with time must not cancel.
+    raw: f64,
+    /// Pairs of pixels, in the mean over the fields.
+    pairs: f64,
+}
+
+impl Measured {
+    /// Over all pixels x whose partner x + (dy, dx) lies in the image; dy >= 0.
+    fn of(fields: &[Vec<Complex32>], width: usize, dy: usize, dx: isize) -> Self {
+        let (mut raw, mut pairs) = (0.0, 0);
+        for field in fields {
+            let product = neighbours(field, width, dy, dx);
+            raw += product.coherence_squared();
+            pairs += product.pairs;
+        }
+        let count = fields.len().max(1) as f64;
+        Self { raw: raw / count, pairs: pairs as f64 / count }
+    }
+
+    /// (raw - b) / (1 - b) with what chance adds, b = 1/L_d, where as many of the looks are left as of the pairs:
+    /// L_d = L pairs_d / n. By chance it may be negative.
+    fn without(&self, chance: f64, pixels: f64) -> f64 {
+        if self.pairs == 0.0 {
+            return 0.0;
+        }
+        let added = (chance * pixels / self.pairs).min(MOST_CHANCE);
+        1.0 - (1.0 - self.raw) / (1.0 - added)
+    }
+}
+
+/// What a finite number of speckles adds to |mu|^2, q = 1/L with the L looks of the mean over all n pixels that are
+/// measured; the first of `measured` is the distance 0. With D other distances and o_d = pairs_d / n^2
+///
+/// q = 1/n + sum over d of o_d (raw_d - q n / pairs_d), or q = (1/n + sum over d of o_d raw_d) / (1 + D/n).
+fn chance(measured: &[Measured]) -> f64 {
+    let [itself, others @ ..] = measured else { return 0.0 };
+    let n = itself.pairs;
+    if n == 0.0 {
+        return 0.0;
+    }
+    let seen: f64 = others.iter().map(|d| 2.0 * d.pairs / (n * n) * d.raw).sum();
+    let distances = 2.0 * others.iter().filter(|d| d.pairs > 0.0).count() as f64;
+    (1.0 / n + seen) / (1.0 + distances / n)
+}
+
+/// Leave out frames that hold noise only, or nothing: their pixels are independent whatever the aperture does. Where
+/// neighbours have anything in common at all, it is less than half as much in them as in the middle one of the frames.
+fn with_speckle(mut frames: Vec<Vec<Vec<Complex32>>>, width: usize) -> Vec<Vec<Vec<Complex32>>> {
+    let lit = |fields: &Vec<Vec<Complex32>>| fields.iter().flatten().any(|u| u.norm_sqr() > 0.0);
+    if frames.iter().any(lit) {
+        frames.retain(lit);
+    }
+    let common = |fields: &Vec<Vec<Complex32>>| -> f64 {
+        let of = |field: &Vec<Complex32>| -> f64 {
+            let above_chance =
+                |product: Product| product.coherence_squared() - 1.0 / product.pairs.max(1) as f64;
+            [(0, 1), (1, 0)]
+                .map(|(dy, dx)| above_chance(neighbours(field, width, dy, dx)))
+                .iter()
+                .sum()
+        };
+        fields.iter().map(of).sum::<f64>() / fields.len().max(1) as f64
+    };
+    let mut sorted: Vec<f64> = frames.iter().map(common).collect();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let middle = sorted.get(sorted.len() / 2).copied().unwrap_or_default();
+    let usable = |field: &Vec<Complex32>| field.iter().filter(|u| u.norm_sqr() > 0.0).count();
+    let pixels = frames.first().and_then(|fields| fields.first()).map_or(0, usable);
+    if middle * pixels as f64 > SEEN {
+        frames.retain(|fields| common(fields) > middle / 2.0);
+    }
+    frames
+}
+
+/// The field and its neighbour at (dy, dx); dy >= 0.
+fn neighbours(field: &[Complex32], width: usize, dy: usize, dx: isize) -> Product {
+    let columns = (-dx).max(0) as usize..(width as isize - dx.max(0)).max(0) as usize;
+    let mut product = Product::default();
+    for (row, partner) in field.chunks_exact(width).zip(field.chunks_exact(width).skip(dy)) {
+        let shifted = (columns.start as isize + dx) as usize..;
+        for (&u, &v) in row[columns.clone()].iter().zip(&partner[shifted]) {
+            product.add(u, v);
+        }
+    }
+    product
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::FRAMES;
+    use super::*;
+    use num_complex::Complex64;
+
+    /// |mu|^2 = 1/4 between neighbours along x, nothing further.
+    fn coherence(reach: [isize; 2]) -> SpatialCoherence {
+        let mut squared = vec![0.0; ((2 * reach[0] + 1) * (2 * reach[1] + 1)) as usize];
+        let middle = squared.len() / 2;
+        squared[middle - 1..=middle + 1].copy_from_slice(&[0.25, 1.0, 0.25]);
+        SpatialCoherence { reach, squared }
+    }
+
+    #[test]
+    fn a_rectangle_has_the_looks_of_its_mask() {
+        let coherence = coherence([2, 3]);
+        for sides in [[1, 9], [9, 1], [4, 6]] {
+            let mask = vec![true; sides[0] * sides[1]];
+            let wanted = coherence.looks_of_mask(&mask, sides[1]);
+            assert!((coherence.looks_of_rectangle(sides) - wanted).abs() < 1e-12, "{sides:?}");
+        }
+    }
+
+    /// Noise and darkness in some of the frames say nothing of the speckle's size.
+    #[test]
+    fn noise_and_darkness_are_no_speckle() {
+        const SIDE: usize = 64;
+        let number = |seed: usize, i: usize| {
+            // Weyl's sequence: an irrational angle for each place.
+            let angle = ((seed * 7919 + i) as f64 * 0.754_877_666_246_692_7).fract();
+            Complex32::from_polar(1.0, (std::f64::consts::TAU * angle * i as f64) as f32)
+        };
+        let noise = |seed: usize| (0..SIDE * SIDE).map(|i| number(seed, i)).collect::<Vec<_>>();
+        // Neighbours along x share half of what they are.
+        let speckle = |seed: usize| {
+            let white = noise(seed);
+            (0..white.len()).map(|i| white[i] + white[(i + 1) % white.len()]).collect::<Vec<_>>()
+        };
+        let dark = vec![Complex32::default(); SIDE * SIDE];
+        let good: Vec<_> = (1..=3).map(|seed| vec![speckle(seed)]).collect();
+        let mut mixed = good.clone();
+        mixed.insert(0, vec![dark.clone()]);
+        mixed.insert(2, vec![noise(4)]);
+        assert_eq!(with_speckle(mixed, SIDE), good);
+        let only_noise: Vec<_> = (1..=4).map(|seed| vec![noise(seed)]).collect();
+        assert_eq!(with_speckle(only_noise.clone(), SIDE), only_noise);
+        assert_eq!(with_speckle(vec![vec![dark.clone()]], SIDE), [[dark]]);
+    }
+
+    /// |mu|^2 = 1 everywhere: one look. Weights that reach over the edges must not count twice.
+    #[test]
+    fn a_single_speckle_is_one_look() {
+        let everywhere = |[tall, wide]: [isize; 2]| SpatialCoherence {
+            reach: [tall, wide],
+            squared: vec![1.0; ((2 * tall + 1) * (2 * wide + 1)) as usize],
+        };
+        for (sigma, sides) in [(1.5, [16, 8]), (3.0, [9, 30]), (0.4, [5, 5])] {
+            let kernel = Kernel::new(sigma, sides[0], sides[1], true).unwrap();
+            let looks = everywhere(sides.map(|side| side as isize - 1)).looks_of_kernel(&kernel);
+            assert!((looks - 1.0).abs() < 1e-12, "{looks}");
+        }
+    }
+
+    /// Independent pixels of a small image count one each, whatever chance correlates.
+    #[test]
+    fn looks_of_a_small_image_have_no_bias() {
+        const SIDE: usize = 20;
+        let mut state = 1_u64;
+        let mut number = || {
+            // splitmix64, then Box and Muller.
+            let mut uniform = || {
+                state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+                let mut z = state;
+                z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+                z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+                ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+            };
+            let radius = (-(1.0 - uniform()).ln()).sqrt();
+            let u = Complex64::from_polar(radius, std::f64::consts::TAU * uniform());
+            Complex32::new(u.re as f32, u.im as f32)
+        };
+        let runs = 20;
+        let mut looks = 0.0;
+        for _ in 0..runs {
+            let mut field = || (0..SIDE * SIDE).map(|_| number()).collect::<Vec<_>>();
+            let fields: Vec<Vec<Complex32>> = (0..FRAMES).map(|_| field()).collect();
+            let (coherence, _) = SpatialCoherence::of_fields(&fields, SIDE, [6, 6]);
+            looks += coherence.looks_of_mask(&[true; SIDE * SIDE], SIDE) / f64::from(runs);
+        }
+        // The sum over 84 distances has a standard deviation of 1.5 %, and what falls below 0 is cut off; clamped
+        // one by one, chance took a seventh.
+        let share = looks / (SIDE * SIDE) as f64;
+        assert!((0.97..=1.0).contains(&share), "{share}");
+    }
+
+    #[test]
+    fn blocks_run_along_a_narrow_image() {
+        let coherence = coherence([0, 3]);
+        let of = |height, width| {
+            let shape = Shape { frames: 2, depth: 1, height, width };
+            coherence.block_of_looks(16.0, 1.0, shape)
+        };
+        // n pixels of a row have n / (1 + 2 (n - 1) / (4 n)) looks.
+        assert_eq!(of(1, 100).sides, [1, 24]);
+        assert_eq!(of(2, 100).sides, [2, 12]);
+        assert_eq!(of(50, 100).sides, [5, 5]);
+        assert!(of(100, 1).sides[1] == 1 && of(1, 100).looks >= 16.0);
+        assert_eq!(of(1, 7).sides, [1, 7], "no more than there is");
+    }
+}
