@@ -47,19 +47,21 @@ impl<T: Scalar, const D: usize> Default for Unwrapper<T, D> {
     }
 }
 
-/// The one of `phase` + 2 pi k with the smallest sum of absolute differences to `recent`, reached in
-/// steps of 2 pi that each lower the sum (the sum is convex in k, so this is the minimum).
+/// The one of `wrapped` + 2 pi k with the smallest sum of absolute differences to `recent`, reached from the one nearest
+/// to their mean in steps of 2 pi that each lower the sum (the sum is convex in k, so this is the minimum).
 #[inline(always)]
-fn nearest_branch<T: Scalar, const D: usize>(phase: T, recent: &[T; D]) -> T {
-    let mut phase = phase;
+fn nearest_branch<T: Scalar, const D: usize>(wrapped: T, recent: &[T; D]) -> T {
+    let turns = (mean(recent) - wrapped) * T::from_f64(1.0 / TAU);
+    let mut phase = turns.round().mul_add(T::from_f64(TAU), wrapped);
     let mut least = distance(phase, recent);
     // A step changes the sum to 2 pi D - least at the very least: no step helps up to pi D.
     if !T::from_f64(PI * D as f64).lt(least).any() {
         return phase;
     }
-    // A convex sum falls in one direction only: away from the side on which fewer of the others lie.
-    let turn =
-        T::select(T::zero().lt(excess_below(phase, recent)), T::from_f64(-TAU), T::from_f64(TAU));
+    // A convex sum falls in one direction at most, and goes on in it.
+    let turn = T::from_f64(TAU);
+    let falls_below = distance(phase - turn, recent).lt(least);
+    let turn = T::select(falls_below, T::zero() - turn, turn);
     loop {
         let moved = phase + turn;
         let sum = distance(moved, recent);
@@ -72,15 +74,13 @@ fn nearest_branch<T: Scalar, const D: usize>(phase: T, recent: &[T; D]) -> T {
     }
 }
 
-/// How many more of the others lie below than above.
 #[inline(always)]
-fn excess_below<T: Scalar, const D: usize>(phase: T, recent: &[T; D]) -> T {
-    let mut excess = T::zero();
+fn mean<T: Scalar, const D: usize>(recent: &[T; D]) -> T {
+    let mut sum = T::zero();
     for &other in recent {
-        excess += T::select(other.lt(phase), T::one(), T::zero());
-        excess += T::select(phase.lt(other), T::from_f64(-1.0), T::zero());
+        sum += other;
     }
-    excess
+    sum * T::from_f64(1.0 / D as f64)
 }
 
 /// Sum of the absolute differences.

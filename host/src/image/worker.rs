@@ -172,6 +172,7 @@ impl<L: Lanes> Worker<L> {
             run.progress.advance(begun - frames_begun)?;
             frames_begun = begun;
         }
+        L::end_streaming();
         Ok(())
     }
 
@@ -241,8 +242,8 @@ impl<L: Lanes, const CH: usize> Sink<L, CH> for PairSamples<'_, L> {
     fn take(&mut self, place: usize, means: [L; CH]) {
         let cross = Complex { re: means[0], im: means[1] };
         let phasor = Complex { re: means[CH - 2], im: means[CH - 1] };
-        let coherence = match self.powers.map(|power| power.get(place)) {
-            [Some(&t), Some(&s)] => coherence_squared(cross, t * s),
+        let coherence = match (self.powers[0].get(place), self.powers[1].get(place)) {
+            (Some(&t), Some(&s)) => coherence_squared(cross, t * s),
             _ => L::zero(),
         };
         let weight = match self.weights.weighting() {
@@ -253,7 +254,10 @@ impl<L: Lanes, const CH: usize> Sink<L, CH> for PairSamples<'_, L> {
         let averaged = if CH == 4 && self.by_phasor { phasor } else { cross };
         let phase = averaged.im.atan2(averaged.re);
         let at = place * self.count + self.index;
-        self.samples[at] = Sample { phase, weight };
+        // It is read again when all pairs of the strip are there, long after it would have left the caches.
+        let sample = &mut self.samples[at];
+        phase.stream_to(&mut sample.phase);
+        weight.stream_to(&mut sample.weight);
         if let Some(kept) = self.coherences.get_mut(at) {
             *kept = coherence;
         }

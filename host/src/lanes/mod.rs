@@ -38,6 +38,17 @@ pub trait Lanes: Scalar + Send + Sync + 'static {
     #[must_use]
     fn rotate_down(self) -> Self;
 
+    /// Write past the caches, where the path can: what is not read again soon then need not be fetched from memory
+    /// first. [`Self::end_streaming`] comes before anybody reads it.
+    #[inline(always)]
+    fn stream_to(self, place: &mut Self) {
+        *place = self;
+    }
+
+    /// All that was streamed is there.
+    #[inline(always)]
+    fn end_streaming() {}
+
     /// The numbers of all vectors in order, `WIDTH` each.
     fn flat(vectors: &[Self]) -> &[Self::Element];
 

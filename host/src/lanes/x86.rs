@@ -45,7 +45,7 @@ impl Mask for Mask8 {
 
 macro_rules! register_lanes {
     ($lanes:ident, $width:literal, $mask:ident, $add:ident, $sub:ident, $mul:ident, $div:ident,
-     $set:ident, $sqrt:ident, $estimate:ident, $fma:ident, $abs:expr, $lt:expr, $select:expr, $rotate_up:expr,
+     $set:ident, $sqrt:ident, $estimate:ident, $fma:ident, $abs:expr, $lt:expr, $select:expr, $stream:ident, $rotate_up:expr,
      $rotate_down:expr) => {
         // SAFETY (all blocks of this macro): values of the type exist only on paths that are entered
         // after the processor was asked for the features (see the module's text).
@@ -166,6 +166,18 @@ macro_rules! register_lanes {
             const WIDTH: usize = $width;
 
             #[inline(always)]
+            fn stream_to(self, place: &mut Self) {
+                // SAFETY: as above; a value of the register's type is aligned as the instruction wants it.
+                unsafe { $stream((&raw mut place.0).cast(), self.0) }
+            }
+
+            #[inline(always)]
+            fn end_streaming() {
+                // SAFETY: every x86-64 has it.
+                unsafe { _mm_sfence() }
+            }
+
+            #[inline(always)]
             fn rotate_up(self) -> Self {
                 // SAFETY: as above.
                 Self(unsafe { $rotate_up(self.0) })
@@ -210,6 +222,7 @@ register_lanes!(
     _mm512_abs_ps,
     |a, b| _mm512_cmp_ps_mask::<_CMP_LT_OQ>(a, b),
     |mask, yes, no| _mm512_mask_blend_ps(mask, no, yes),
+    _mm512_stream_ps,
     |a| _mm512_castsi512_ps(_mm512_alignr_epi32::<15>(
         _mm512_castps_si512(a),
         _mm512_castps_si512(a)
@@ -235,6 +248,7 @@ register_lanes!(
     |a| _mm256_andnot_ps(_mm256_set1_ps(-0.0), a),
     |a, b| _mm256_cmp_ps::<_CMP_LT_OQ>(a, b),
     |mask, yes, no| _mm256_blendv_ps(no, yes, mask),
+    _mm256_stream_ps,
     |a| _mm256_permutevar8x32_ps(a, _mm256_setr_epi32(7, 0, 1, 2, 3, 4, 5, 6)),
     |a| _mm256_permutevar8x32_ps(a, _mm256_setr_epi32(1, 2, 3, 4, 5, 6, 7, 0))
 );

@@ -14,6 +14,8 @@ use std::ops::Range;
 
 /// Depths of each of the frames: they are held in memory.
 const DEPTHS: usize = 4;
+/// Usable pixels of each of the frames that are enough: of twice as many, every other row is passed over.
+const PIXELS: usize = 1 << 16;
 /// The widest distance looked at first, pixels; doubled while the coherence is still above
 /// [`STILL_COHERENT`] there.
 const FIRST_REACH: usize = 6;
@@ -87,6 +89,7 @@ impl SpatialCoherence {
 
     /// And what chance adds to it, which is left out already.
     fn of_fields(fields: &[Vec<Complex32>], width: usize, reach: [isize; 2]) -> (Self, f64) {
+        let step = (fields.first().map_or(0, |field| usable(field)) / PIXELS).max(1);
         let [tall, wide] = reach.map(|reach| 2 * reach + 1);
         let half = (tall * wide / 2) as usize;
         // mu(-d) is the conjugate of mu(d): half of the distances are enough.
@@ -95,7 +98,7 @@ impl SpatialCoherence {
             .map(|i| {
                 let place = (half + i) as isize;
                 let d = (place / wide - reach[0], place % wide - reach[1]);
-                Measured::of(fields, width, d.0 as usize, d.1)
+                Measured::of(fields, Lines { width, step }, d.0 as usize, d.1)
             })
             .collect();
         let chance = chance(&measured);
@@ -215,10 +218,10 @@ struct Measured {
 
 impl Measured {
     /// Over all pixels x whose partner x + (dy, dx) lies in the image; dy >= 0.
-    fn of(fields: &[Vec<Complex32>], width: usize, dy: usize, dx: isize) -> Self {
+    fn of(fields: &[Vec<Complex32>], lines: Lines, dy: usize, dx: isize) -> Self {
         let (mut raw, mut pairs) = (0.0, 0);
         for field in fields {
-            let product = neighbours(field, width, dy, dx);
+            let product = neighbours(field, lines, dy, dx);
             raw += product.coherence_squared();
             pairs += product.pairs;
         }
@@ -264,7 +267,7 @@ fn with_speckle(mut frames: Vec<Vec<Vec<Complex32>>>, width: usize) -> Vec<Vec<V
             let above_chance =
                 |product: Product| product.coherence_squared() - 1.0 / product.pairs.max(1) as f64;
             [(0, 1), (1, 0)]
-                .map(|(dy, dx)| above_chance(neighbours(field, width, dy, dx)))
+                .map(|(dy, dx)| above_chance(neighbours(field, Lines { width, step: 1 }, dy, dx)))
                 .iter()
                 .sum()
         };
@@ -273,19 +276,33 @@ fn with_speckle(mut frames: Vec<Vec<Vec<Complex32>>>, width: usize) -> Vec<Vec<V
     let mut sorted: Vec<f64> = frames.iter().map(common).collect();
     sorted.sort_unstable_by(f64::total_cmp);
     let middle = sorted.get(sorted.len() / 2).copied().unwrap_or_default();
-    let usable = |field: &Vec<Complex32>| field.iter().filter(|u| u.norm_sqr() > 0.0).count();
-    let pixels = frames.first().and_then(|fields| fields.first()).map_or(0, usable);
+    let pixels = frames.first().and_then(|fields| fields.first()).map_or(0, |field| usable(field));
     if middle * pixels as f64 > SEEN {
         frames.retain(|fields| common(fields) > middle / 2.0);
     }
     frames
 }
 
-/// The field and its neighbour at (dy, dx); dy >= 0.
-fn neighbours(field: &[Complex32], width: usize, dy: usize, dx: isize) -> Product {
+/// Pixels that are not 0.
+fn usable(field: &[Complex32]) -> usize {
+    field.iter().filter(|u| u.norm_sqr() > 0.0).count()
+}
+
+/// Every `step`-th row of an image whose rows are `width` long.
+#[derive(Clone, Copy)]
+struct Lines {
+    width: usize,
+    step: usize,
+}
+
+/// Those rows of the field and their neighbours at (dy, dx); dy >= 0.
+fn neighbours(field: &[Complex32], lines: Lines, dy: usize, dx: isize) -> Product {
+    let Lines { width, step } = lines;
+    let rows = field.chunks_exact(width);
+    let partners = rows.clone().skip(dy).step_by(step);
     let columns = (-dx).max(0) as usize..(width as isize - dx.max(0)).max(0) as usize;
     let mut product = Product::default();
-    for (row, partner) in field.chunks_exact(width).zip(field.chunks_exact(width).skip(dy)) {
+    for (row, partner) in rows.step_by(step).zip(partners) {
         let shifted = (columns.start as isize + dx) as usize..;
         for (&u, &v) in row[columns.clone()].iter().zip(&partner[shifted]) {
             product.add(u, v);
