@@ -1,5 +1,6 @@
 //! Developer commands: `cargo xtask test` runs everything there is to check, `cargo xtask firmware`
-//! builds the boards' images, `cargo xtask compare` runs the program beside NumPy and dolphin.
+//! builds the boards' images, `cargo xtask instructions` counts what the program executes, `cargo xtask compare`
+//! runs the program beside NumPy and dolphin.
 //!
 //! No dependencies: this is compiled before anything can be tested.
 //!
@@ -9,6 +10,7 @@
 //! command.rs   run a program, announce and time it
 //! steps.rs     `test`: what is run, in which order
 //! firmware.rs  `firmware`: the images, and the emulated board
+//! instructions.rs  `instructions`: what the program executes, against recorded numbers
 //! interop.rs   what NumPy and zarr-python say about our files and images
 //! compare.rs   `compare`: the program beside its peers, at full size
 //! python.rs    the virtual environment of the scripts in tests/peers
@@ -19,6 +21,7 @@ mod command;
 mod compare;
 mod firmware;
 mod folders;
+mod instructions;
 mod interop;
 mod packages;
 mod python;
@@ -34,12 +37,13 @@ Developer commands of Phasewalk.
 
 Usage: cargo xtask test
        cargo xtask firmware
+       cargo xtask instructions [--record]
        cargo xtask compare [--width PX] [--height PX] [--frames N] [--crop PX]
        cargo xtask help
 
 test    Everything a change must pass: formatting, lints, the images of the boards, tests on
-        emulated boards among them, documentation, the demo, and Python reading our files and
-        agreeing with our images. The first failure ends it.
+        emulated boards among them, documentation, the demo, instructions, and Python reading our
+        files and agreeing with our images. The first failure ends it.
         As root on Debian it installs the packages it lacks; elsewhere it prints the line that
         does. Needs the network for the first run (crates, Python and Node packages).
 firmware
@@ -47,6 +51,12 @@ firmware
         that only tests measure, and the emulated Uno (target/firmware/emulated-board, what
         `phasewalk trigger ... --port sim:` starts). Prints flash and memory, holds them below
         their ceilings, and sees that an image which can panic does not link.
+instructions
+        Counts the instructions of the release program, one thread under Valgrind's callgrind, in
+        images, curves and what is watched, and fails where a count differs by more than 5 % from
+        tests/instructions.toml. On x86-64 with AVX2; elsewhere nothing is counted.
+          --record      write the counts there instead: where a change is worth its price, where
+                        it saves more than 5 %, or for a new compiler
 compare Runs `phasewalk phase` (paper and linked), the paper's method in NumPy + SciPy, and the EVD
         and EMI of dolphin, a package of satellite interferometry, on the paper's scene, one after
         the other. Prints time, memory and errors as a Markdown table, and fails where the images
@@ -65,6 +75,8 @@ Exit status: 0 done, 1 failed, 2 wrong usage.
 enum Task {
     Test,
     Firmware,
+    Instructions,
+    RecordInstructions,
     Compare(compare::Size),
     Help,
 }
@@ -81,6 +93,8 @@ fn main() -> ExitCode {
     let outcome = match task {
         Task::Test => steps::test(),
         Task::Firmware => firmware::build(),
+        Task::Instructions => instructions::check(),
+        Task::RecordInstructions => instructions::record(),
         Task::Compare(size) => compare::compare(size),
         Task::Help => {
             print!("{HELP}");
@@ -104,9 +118,11 @@ fn parse(arguments: &[String]) -> Result<Task> {
     match (command.as_str(), options) {
         ("test", []) => Ok(Task::Test),
         ("firmware", []) => Ok(Task::Firmware),
+        ("instructions", []) => Ok(Task::Instructions),
+        ("instructions", [option]) if option == "--record" => Ok(Task::RecordInstructions),
         ("help", []) => Ok(Task::Help),
         ("compare", options) => compare::Size::parse(options).map(Task::Compare),
-        ("test" | "firmware" | "help", [surplus, ..]) => {
+        ("test" | "firmware" | "instructions" | "help", [.., surplus]) => {
             Err(format!("'{surplus}' is not understood"))
         }
         (unknown, _) => Err(format!("'{unknown}' is not a command")),
@@ -125,6 +141,8 @@ mod tests {
     fn commands_are_understood() {
         assert_eq!(parsed("test"), Ok(Task::Test));
         assert_eq!(parsed("firmware"), Ok(Task::Firmware));
+        assert_eq!(parsed("instructions"), Ok(Task::Instructions));
+        assert_eq!(parsed("instructions --record"), Ok(Task::RecordInstructions));
         assert_eq!(parsed("help"), Ok(Task::Help));
         assert_eq!(parsed("test --help"), Ok(Task::Help));
         assert_eq!(parsed("compare"), Ok(Task::Compare(compare::Size::FULL)));
@@ -138,6 +156,7 @@ mod tests {
             ("", "missing"),
             ("tset", "'tset'"),
             ("test now", "'now'"),
+            ("instructions --recrod", "'--recrod'"),
             ("compare --widht 3", "'--widht'"),
         ];
         let numbers = [

@@ -74,6 +74,13 @@ pub(crate) const NODE: Need = Need {
     },
 };
 
+/// Counts instructions.
+pub(crate) const VALGRIND: Need = Need {
+    what: "Valgrind",
+    packages: "valgrind",
+    is_there: || succeeds(command("valgrind").arg("--version")),
+};
+
 impl Need {
     /// As root on Debian it is installed if missing.
     pub(crate) fn meet(&self) -> Result {

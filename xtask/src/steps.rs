@@ -1,8 +1,10 @@
 //! `cargo xtask test`: everything, in the order in which failures are cheapest to learn about.
 
 use crate::command::{cargo, command, run, succeeds};
-use crate::packages::{self, ARDUINO, ARM_TOOLS, AVR_TOOLS, NODE, QEMU, RUST_SOURCES, SIMAVR};
-use crate::{Result, firmware, folders, interop, python};
+use crate::packages::{
+    self, ARDUINO, ARM_TOOLS, AVR_TOOLS, NODE, QEMU, RUST_SOURCES, SIMAVR, VALGRIND,
+};
+use crate::{Result, firmware, folders, instructions, interop, python};
 use std::path::Path;
 use std::time::Instant;
 
@@ -29,6 +31,7 @@ const STEPS: &[Step] = &[
     ("documentation", documentation),
     ("release build", || run(&mut cargo("build --release"))),
     ("demo", demo),
+    ("instructions", instructions::check),
     ("Python", || interop::check(&python::environment()?)),
 ];
 
@@ -59,7 +62,7 @@ fn tools() -> Result {
     }
     let python = packages::python()?;
     println!("   {} serves", python.display());
-    for need in [AVR_TOOLS, ARM_TOOLS, RUST_SOURCES, SIMAVR, QEMU, ARDUINO, NODE] {
+    for need in [AVR_TOOLS, ARM_TOOLS, RUST_SOURCES, SIMAVR, QEMU, ARDUINO, NODE, VALGRIND] {
         need.meet()?;
     }
     second_simulator()
