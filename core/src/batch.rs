@@ -19,9 +19,25 @@ pub fn solve_series<T, A, B>(
     solver: &mut Solver<T, A, B>,
     params: &Params,
     times: &[f64],
-    mut pair: impl FnMut(usize, usize) -> (T, T),
+    pair: impl FnMut(usize, usize) -> (T, T),
     phases: &mut [T],
     measured: &mut [T],
+) where
+    T: Scalar,
+    A: AsRef<[Link<T>]> + AsMut<[Link<T>]>,
+    B: AsRef<[Node<T>]> + AsMut<[Node<T>]>,
+{
+    assemble_series(solver, params, times, pair);
+    finish_series(solver, params, phases, measured);
+}
+
+/// The first half of [`solve_series`]: unwrap, and set up the equations.
+#[inline(always)]
+pub fn assemble_series<T, A, B>(
+    solver: &mut Solver<T, A, B>,
+    params: &Params,
+    times: &[f64],
+    mut pair: impl FnMut(usize, usize) -> (T, T),
 ) where
     T: Scalar,
     A: AsRef<[Link<T>]> + AsMut<[Link<T>]>,
@@ -37,6 +53,20 @@ pub fn solve_series<T, A, B>(
         }
     }
     add_differences(solver, params, times);
+}
+
+/// The second half: eliminate, substitute back, subtract the reference.
+#[inline(always)]
+pub fn finish_series<T, A, B>(
+    solver: &mut Solver<T, A, B>,
+    params: &Params,
+    phases: &mut [T],
+    measured: &mut [T],
+) where
+    T: Scalar,
+    A: AsRef<[Link<T>]> + AsMut<[Link<T>]>,
+    B: AsRef<[Node<T>]> + AsMut<[Node<T>]>,
+{
     solver.finish();
     solver.phases(phases);
     solver.measured(measured);

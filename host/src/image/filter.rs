@@ -106,8 +106,7 @@ impl<L: Lanes> Passes<L> {
         pair: Pair<'_, L>,
         sink: &mut impl Sink<L, CH>,
     ) {
-        let plane = (rows + 2 * layout.halo) * layout.blocks;
-        self.filter(layout, rows, &PairSource { pair, plane }, sink);
+        self.filter(layout, rows, &PairSource::new(pair, layout, rows), sink);
     }
 
     /// Filter what `source` has at each place (line * vectors of a row + vector) of `rows` lines and R
@@ -120,19 +119,50 @@ impl<L: Lanes> Passes<L> {
         source: &impl Source<L, CH>,
         sink: &mut impl Sink<L, CH>,
     ) {
-        let (tall, blocks) = (rows + 2 * layout.halo, layout.blocks);
-        let long = blocks + 2 * layout.halo;
-        let column = &mut self.column.as_chunks_mut::<CH>().0[..tall];
-        let mut between = Rows(&mut self.rows.as_chunks_mut::<CH>().0[..rows * long]);
-        for vector in 0..blocks {
-            for (line, place) in column.iter_mut().enumerate() {
-                *place = source.at(line * blocks + vector);
-            }
-            fir::filter(column, &self.half, [layout.halo + vector, long], &mut between);
+        for vector in 0..layout.blocks {
+            self.gather(layout, rows, source, vector);
+            self.down::<CH>(layout, rows, vector);
         }
-        for (row, line) in between.0.chunks_exact_mut(long).enumerate() {
+        self.across(layout, rows, sink);
+    }
+
+    /// The first step for one vector of the rows: what `source` has there in all lines.
+    #[inline(always)]
+    pub(super) fn gather<const CH: usize>(
+        &mut self,
+        layout: &Layout,
+        rows: usize,
+        source: &impl Source<L, CH>,
+        vector: usize,
+    ) {
+        let column = &mut self.column.as_chunks_mut::<CH>().0[..rows + 2 * layout.halo];
+        for (line, place) in column.iter_mut().enumerate() {
+            *place = source.at(line * layout.blocks + vector);
+        }
+    }
+
+    /// The second: filter that along y.
+    #[inline(always)]
+    pub(super) fn down<const CH: usize>(&mut self, layout: &Layout, rows: usize, vector: usize) {
+        let long = layout.blocks + 2 * layout.halo;
+        let column = &self.column.as_chunks::<CH>().0[..rows + 2 * layout.halo];
+        let mut between = Rows(&mut self.rows.as_chunks_mut::<CH>().0[..rows * long]);
+        fir::filter(column, &self.half, [layout.halo + vector, long], &mut between);
+    }
+
+    /// The last: filter along x what all vectors have left.
+    #[inline(always)]
+    pub(super) fn across<const CH: usize>(
+        &mut self,
+        layout: &Layout,
+        rows: usize,
+        sink: &mut impl Sink<L, CH>,
+    ) {
+        let long = layout.blocks + 2 * layout.halo;
+        let between = &mut self.rows.as_chunks_mut::<CH>().0[..rows * long];
+        for (row, line) in between.chunks_exact_mut(long).enumerate() {
             layout.fill_halo(line);
-            fir::filter(line, &self.half, [row * blocks, 1], sink);
+            fir::filter(line, &self.half, [row * layout.blocks, 1], sink);
         }
     }
 }
@@ -144,9 +174,18 @@ pub trait Source<L, const CH: usize> {
 }
 
 /// The channels of a pair.
-struct PairSource<'a, L> {
+pub(super) struct PairSource<'a, L> {
     pair: Pair<'a, L>,
+    /// Places of one depth.
     plane: usize,
+}
+
+impl<'a, L> PairSource<'a, L> {
+    /// Those of a strip of `rows` rows.
+    #[inline(always)]
+    pub(super) fn new(pair: Pair<'a, L>, layout: &Layout, rows: usize) -> Self {
+        Self { pair, plane: (rows + 2 * layout.halo) * layout.blocks }
+    }
 }
 
 impl<L: Lanes, const CH: usize> Source<L, CH> for PairSource<'_, L> {

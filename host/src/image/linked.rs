@@ -3,6 +3,8 @@
 //! at the end. No pair is kept beyond its frame. Where the closure is tested, the residuals enter its contrasts
 //! (`phasewalk_core::closure`) on the way: they see no change of the phases, so the last step does not matter to them.
 
+pub(super) mod stages;
+
 use super::filter::{Pair, Passes, Source};
 use super::fir::Sink;
 use super::kernel::Kernel;

@@ -18,6 +18,8 @@ mod linked;
 mod memory;
 mod newest;
 mod phase;
+#[doc(hidden)]
+pub mod stages;
 mod strip;
 mod tiles;
 mod worker;

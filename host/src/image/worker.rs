@@ -1,5 +1,7 @@
 //! One thread's way through the strips: load, filter pair by pair, solve, report.
 
+pub(super) mod stages;
+
 use super::filter::{Pair, Passes};
 use super::fir::Sink;
 use super::phase::{Sample, Workspace};

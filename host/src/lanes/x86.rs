@@ -45,8 +45,11 @@ impl Mask for Mask8 {
 
 macro_rules! register_lanes {
     ($lanes:ident, $width:literal, $mask:ident, $add:ident, $sub:ident, $mul:ident, $div:ident,
-     $set:ident, $sqrt:ident, $estimate:ident, $fma:ident, $abs:expr, $lt:expr, $select:expr, $stream:ident, $rotate_up:expr,
-     $rotate_down:expr) => {
+     $set:ident, $sqrt:ident, $estimate:ident, $fma:ident, |$x:ident| $abs:expr, |$a:ident, $b:ident| $lt:expr,
+     |$chosen:ident, $yes:ident, $no:ident| $select:expr, $stream:ident, |$up:ident| $rotate_up:expr,
+     |$down:ident| $rotate_down:expr) => {
+        // What looks like closures are expressions that the macro pastes in: a real closure would not inherit the
+        // instructions of its surroundings, and every intrinsic in it could become a call.
         // SAFETY (all blocks of this macro): values of the type exist only on paths that are entered
         // after the processor was asked for the features (see the module's text).
         impl Add for $lanes {
@@ -131,8 +134,9 @@ macro_rules! register_lanes {
 
             #[inline(always)]
             fn abs(self) -> Self {
+                let $x = self.0;
                 // SAFETY: as above.
-                Self(unsafe { $abs(self.0) })
+                Self(unsafe { $abs })
             }
 
             #[inline(always)]
@@ -144,14 +148,16 @@ macro_rules! register_lanes {
 
             #[inline(always)]
             fn lt(self, other: Self) -> $mask {
+                let ($a, $b) = (self.0, other.0);
                 // SAFETY: as above.
-                $mask(unsafe { $lt(self.0, other.0) })
+                $mask(unsafe { $lt })
             }
 
             #[inline(always)]
             fn select(mask: $mask, yes: Self, no: Self) -> Self {
+                let ($chosen, $yes, $no) = (mask.0, yes.0, no.0);
                 // SAFETY: as above.
-                Self(unsafe { $select(mask.0, yes.0, no.0) })
+                Self(unsafe { $select })
             }
 
             #[inline(always)]
@@ -179,14 +185,16 @@ macro_rules! register_lanes {
 
             #[inline(always)]
             fn rotate_up(self) -> Self {
+                let $up = self.0;
                 // SAFETY: as above.
-                Self(unsafe { $rotate_up(self.0) })
+                Self(unsafe { $rotate_up })
             }
 
             #[inline(always)]
             fn rotate_down(self) -> Self {
+                let $down = self.0;
                 // SAFETY: as above.
-                Self(unsafe { $rotate_down(self.0) })
+                Self(unsafe { $rotate_down })
             }
 
             #[inline(always)]
@@ -219,7 +227,7 @@ register_lanes!(
     _mm512_sqrt_ps,
     _mm512_rsqrt14_ps,
     _mm512_fmadd_ps,
-    _mm512_abs_ps,
+    |a| _mm512_abs_ps(a),
     |a, b| _mm512_cmp_ps_mask::<_CMP_LT_OQ>(a, b),
     |mask, yes, no| _mm512_mask_blend_ps(mask, no, yes),
     _mm512_stream_ps,
