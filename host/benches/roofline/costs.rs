@@ -1,8 +1,8 @@
-//! What each stage must do at the least, for one vector of pixels and one pair of frames: operations of the formulas as the
-//! code has them, and registers that come from beyond the first cache.
+//! What each stage must do at the least, for one vector of pixels and one pair of frames: operations of the
+//! formulas as the code has them, and registers that come from beyond the first cache.
 //!
-//! Absolute values, changes of sign and addresses are not counted, nor is what the filter reads again from the first
-//! cache. What happens once for a frame is shared out among its pairs.
+//! Absolute values, changes of sign and addresses are not counted, nor is what the filter reads again from the
+//! first cache. What happens once for a frame is shared out among its pairs.
 
 use phasewalk::image::stages::{Stage, Timed};
 use phasewalk::method::Method;
@@ -23,8 +23,8 @@ pub struct Operations {
     pub divisions: f64,
     /// Square roots.
     pub roots: f64,
-    /// Reciprocal square roots: an estimate and a Newton step (3 multiplications, 2 of them with an addition, and a
-    /// halving), or in plain Rust a root and a division.
+    /// Reciprocal square roots: an estimate and a Newton step (3 multiplications, 2 of them with an addition,
+    /// and a halving), or in plain Rust a root and a division.
     pub inverse_roots: f64,
 }
 
@@ -68,8 +68,8 @@ const PRODUCT: Operations = operations(0.0, 2.0, 2.0);
 /// C/|C|, `unit_phasor`: |C|^2, is it dark and the two choices, 1/|C|, two products.
 const UNIT_PHASOR: Operations = Operations { inverse_roots: 1.0, ..operations(3.0, 3.0, 1.0) };
 
-/// `lanes::angle`: the ratio of the shorter to the longer side; its square, eight steps of the polynomial, the product; three choices
-/// of the octant, each a comparison, a difference and a selection.
+/// `lanes::angle`: the ratio of the shorter to the longer side; its square, eight steps of the polynomial, the
+/// product; three choices of the octant, each a comparison, a difference and a selection.
 const ANGLE: Operations = Operations { divisions: 1.0, ..operations(13.0, 2.0, 8.0) };
 
 /// `Weights::paper`: the modulus, less the threshold, not below 0.
@@ -81,14 +81,15 @@ const TAKEN: Operations = operations(2.0, 0.0, 0.0);
 /// Sum of the distances to the neighbours, against its limit.
 const DISTANCES: Operations = operations(2.0 * UNWRAP_NEIGHBOURS as f64 + 1.0, 0.0, 0.0);
 
-/// `Solver::set_pair`: is phase and weight a number above 0; w^2 and w^2 c, or 0; their sums; both frames are measured.
+/// `Solver::set_pair`: is phase and weight a number above 0; w^2 and w^2 c, or 0; their sums; both frames are
+/// measured.
 const LINK: Operations = operations(9.0, 2.0, 0.0);
 
 /// `solver::join`: conductance and flux of one new link.
 const JOIN: Operations = operations(0.0, 0.0, 3.0);
 
-/// What else the elimination does with each link: its sums at the node, its shares, ground and reference of its other end;
-/// and the back-substitution.
+/// What else the elimination does with each link: its sums at the node, its shares, ground and reference of its
+/// other end; and the back-substitution.
 const LINK_ELIMINATED: Operations = operations(3.0, 2.0, 5.0);
 
 /// Frames that the solver eliminates together: what lies behind them is then read and written once.
@@ -124,14 +125,25 @@ pub struct Traffic {
     pub writes: f64,
 }
 
+/// Where a stage stands.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Part {
+    /// A step of the filter, which should come to half of its roof.
+    Filter,
+    /// What is done with each mean while it is in registers: in the program it takes turns with the filter.
+    Means,
+    /// All else.
+    Rest,
+}
+
 /// One stage.
 pub struct Cost {
     /// Which.
     pub stage: Stage,
     /// For people.
     pub name: &'static str,
-    /// Is it one of the filter's, which should come to half of its roof?
-    pub filter: bool,
+    /// What it belongs to.
+    pub part: Part,
     /// Arithmetic.
     pub operations: Operations,
     /// Bytes.
@@ -173,8 +185,8 @@ impl Pairs {
     }
 }
 
-/// Products and both passes: for every row those of its share of the halo; for every result a multiplication and, for each of R
-/// taps, an addition and a multiply-add in each channel.
+/// Products and both passes: for every row those of its share of the halo; for every result a multiplication
+/// and, for each of R taps, an addition and a multiply-add in each channel.
 fn filter(timed: &Timed, channels: usize) -> Vec<Cost> {
     let Timed { rows, halo, .. } = *timed;
     let tall = (rows + 2 * halo) as f64 / rows as f64;
@@ -184,8 +196,8 @@ fn filter(timed: &Timed, channels: usize) -> Vec<Cost> {
     let both = [Level::Frames, Level::Second];
     let fields = both.map(|level| Traffic { level, reads: 2.0 * tall, writes: 0.0 });
     let between = |reads, writes| vec![Traffic { level: Level::Second, reads, writes }];
-    let cost =
-        |stage, name, operations, traffic| Cost { stage, name, filter: true, operations, traffic };
+    let part = Part::Filter;
+    let cost = |stage, name, operations, traffic| Cost { stage, name, part, operations, traffic };
     vec![
         cost(Stage::Products, "products", product * tall, fields.into()),
         cost(Stage::Vertical, "vertical filter", taps, between(0.0, channels)),
@@ -197,24 +209,27 @@ fn filter(timed: &Timed, channels: usize) -> Vec<Cost> {
 fn solution(pairs: &Pairs) -> Vec<Cost> {
     let links = 2.0 * pairs.joins / PANEL;
     let cost =
-        |stage, name, operations, traffic| Cost { stage, name, filter: false, operations, traffic };
+        |stage, part, name, operations, traffic| Cost { stage, name, part, operations, traffic };
     let at = |level, reads, writes| Traffic { level, reads, writes };
     let quotients = Operations { divisions: 2.0 * pairs.frames, ..Operations::default() };
     vec![
         cost(
             Stage::Samples,
+            Part::Means,
             "arg, weight, store",
             ANGLE + WEIGHT,
             vec![at(Level::Samples, 0.0, 2.0)],
         ),
         cost(
             Stage::Assemble,
+            Part::Rest,
             "unwrap, assemble",
             TAKEN + DISTANCES * pairs.unwrapped + LINK,
             vec![at(Level::Samples, 2.0, 0.0), at(Level::Second, 0.0, 2.0)],
         ),
         cost(
             Stage::Solve,
+            Part::Rest,
             "factor, solve",
             JOIN * pairs.joins + LINK_ELIMINATED + quotients,
             vec![at(Level::Second, links + 2.0, links)],
@@ -224,10 +239,10 @@ fn solution(pairs: &Pairs) -> Vec<Cost> {
 
 /// Linked phases behind the filter.
 fn linking(pairs: &Pairs) -> Vec<Cost> {
-    let cost = |stage, name, operations, reads, writes| Cost {
+    let cost = |stage, part, name, operations, reads, writes| Cost {
         stage,
         name,
-        filter: false,
+        part,
         operations,
         traffic: vec![Traffic { level: Level::Frames, reads, writes }],
     };
@@ -236,9 +251,9 @@ fn linking(pairs: &Pairs) -> Vec<Cost> {
     let row = operations(0.0, 0.0, 2.0) + operations(0.0, 0.0, pairs.frames);
     let score = row + ANGLE * pairs.frames;
     vec![
-        cost(Stage::Normalise, "normalise", NORMALISE, 1.0, 2.0),
-        cost(Stage::Walk, "start", walk, 4.0 * pairs.start, 0.0),
-        cost(Stage::Residuals, "residuals", RESIDUAL, 5.0, 1.0),
-        cost(Stage::Score, "step of scoring", score, 3.0 * pairs.frames, 0.0),
+        cost(Stage::Normalise, Part::Means, "normalise", NORMALISE, 1.0, 2.0),
+        cost(Stage::Walk, Part::Rest, "start", walk, 4.0 * pairs.start, 0.0),
+        cost(Stage::Residuals, Part::Rest, "residuals", RESIDUAL, 5.0, 1.0),
+        cost(Stage::Score, Part::Rest, "step of scoring", score, 3.0 * pairs.frames, 0.0),
     ]
 }

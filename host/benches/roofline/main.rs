@@ -4,13 +4,14 @@
 //! cargo bench --bench roofline
 //! PHASEWALK_SIMD=avx2 cargo bench --bench roofline      # or portable
 //! ```
-//! In one run it measures the machine (`machine`): clock, rates of arithmetic, bandwidths. Then it takes the paper's scene at full
-//! size (`scene`) and, for the paper's method and for linked phases, times every stage of a strip on the real code and buffers,
-//! puts beside it the least time that its arithmetic and its bytes can take (`costs`, `roof`), and its share of the
-//! whole run's CPU time (`table`).
+//! In one run it measures the machine (`machine`): clock, rates of arithmetic, bandwidths. Then it takes the
+//! paper's scene at full size (`scene`) and, for the paper's method and for linked phases, times every stage of
+//! a strip on the real code and buffers, puts beside it the least time that its arithmetic and its bytes can
+//! take (`costs`, `roof`), and its share of the whole run's CPU time (`table`).
 //!
-//! Each lap of a stage (one pair of frames, one vector of pixels) is timed in every repetition. *Best* is the sum of
-//! every lap's shortest time, which another load on the machine hardly touches; *median* that of the medians.
+//! Each lap of a stage (one pair of frames, one vector of pixels) is timed in every repetition. *Best* is the
+//! sum of every lap's shortest time, which another load on the machine hardly touches; *median* that of the
+//! medians.
 
 mod costs;
 mod machine;

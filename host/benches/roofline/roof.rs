@@ -25,8 +25,9 @@ impl Roof {
     pub fn of(cost: &Cost, machine: &Machine, vector: usize) -> Self {
         let operations = in_primitives(cost.operations, machine);
         let Operations { adds, multiplies, multiply_adds, divisions, roots, .. } = operations;
-        // A sum of additions has no use for the half of a multiply-add that multiplies; so they count as instructions. Where
-        // adders and multipliers are apart, `both` is the sum of the two rates, elsewhere it is one of them.
+        // A sum of additions has no use for the half of a multiply-add that multiplies; so they count as
+        // instructions. Where adders and multipliers are apart, `both` is the sum of the two rates, elsewhere
+        // it is one of them.
         let slots = multiplies + multiply_adds;
         let ports = [adds / machine.add, slots / machine.multiply, (adds + slots) / machine.both]
             .into_iter()

@@ -1,4 +1,5 @@
-//! The paper's scene at full size, its phase images as the program computes them, and one of their strips timed.
+//! The paper's scene at full size, its phase images as the program computes them, and one of their strips
+//! timed.
 
 use num_complex::Complex32;
 use phasewalk::error::Result;
@@ -106,7 +107,8 @@ impl Scene {
     }
 }
 
-/// CPU time of this process so far, where Linux tells it (in hundredths of a second), else the time of the clock on the wall.
+/// CPU time of this process so far, where Linux tells it (in hundredths of a second), else the time of the
+/// clock on the wall.
 fn cpu_seconds() -> f64 {
     static START: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
     let wall = START.get_or_init(Instant::now).elapsed().as_secs_f64();

@@ -1,99 +1,165 @@
 //! The stages beside their roofs, as Markdown.
 
-use crate::costs::{Cost, costs};
+use crate::costs::{Part, costs};
 use crate::machine::Machine;
 use crate::roof::Roof;
 use crate::scene::Run;
 use phasewalk::image::stages::{Stage, Timed};
 use phasewalk::method::Method;
+use std::ops::AddAssign;
 
-/// Of its roof, what every stage of the filter should reach.
+/// Of its roof, what every step of the filter should reach.
 const WANTED: f64 = 0.5;
 
-/// Seconds per vector and pair.
+/// Seconds for one vector and pair.
 #[derive(Clone, Copy, Default)]
 struct Time {
     best: f64,
     median: f64,
 }
 
+impl AddAssign for Time {
+    fn add_assign(&mut self, other: Self) {
+        self.best += other.best;
+        self.median += other.median;
+    }
+}
+
+/// A row's roof.
+#[derive(Clone, Copy, Default)]
+struct Least {
+    arithmetic_s: f64,
+    bytes_s: f64,
+    /// The greater of both; of several stages the sum.
+    seconds: f64,
+    flops: f64,
+}
+
 /// The table of one method.
 pub fn print(machine: &Machine, method: Method, run: &Run) {
-    let Run { timed, frames, strips, cpu_s, tiles_s } = run;
-    let name = if method == Method::Linked { "linked" } else { "paper" };
-    let pairs = (frames * (frames - 1) / 2) as f64;
-    let units = (timed.rows * timed.blocks) as f64 * pairs;
-    let time = |stage| time(timed, stage, units);
-    println!(
-        "## `--method {name}`, strips of {} rows, {} vectors of {} pixels a row, R = {}\n",
-        timed.rows, timed.blocks, timed.lanes, timed.halo
-    );
-    println!("Of one vector and pair; cycles but for ns:\n");
-    println!(
-        "| stage | ns | best | median | arithmetic | bytes | roof | share of it | of the f32 peak | of the run |"
-    );
-    println!("|---|---|---|---|---|---|---|---|---|---|");
-    let whole = |seconds: f64| seconds * units * strips;
-    let row = |name: &str, time: Time, roof: Option<&Roof>| {
-        let cycles = |seconds: f64| format!("{:.1}", seconds * machine.hertz);
-        let [arithmetic, bytes, by, share, peak] = match roof {
-            None => [const { String::new() }; 5],
-            Some(roof) => [
-                cycles(roof.arithmetic_s),
-                cycles(roof.bytes_s),
-                roof.by.to_owned(),
-                percent(roof.seconds() / time.best),
-                percent(roof.flops * timed.lanes as f64 / time.best / machine.peak()),
-            ],
-        };
-        println!(
-            "| {name} | {:.2} | {} | {} | {arithmetic} | {bytes} | {by} | {share} | {peak} | {} |",
-            time.best * 1e9,
-            cycles(time.best),
-            cycles(time.median),
-            percent(whole(time.best) / cpu_s)
-        );
-    };
-    let mut sum = Time::default();
-    let mut slow = Vec::new();
-    for cost in costs(method, timed, *frames) {
-        let (time, roof) = (time(cost.stage), roof(&cost, machine, timed));
-        row(cost.name, time, Some(&roof));
-        sum = Time { best: sum.best + time.best, median: sum.median + time.median };
-        if cost.filter && roof.seconds() < WANTED * time.best {
+    let table = Table::new(machine, run);
+    table.head(method);
+    let (mut filter, mut sum) = (Least::default(), Time::default());
+    let (mut slow, mut rest) = (Vec::new(), Vec::new());
+    for cost in costs(method, &run.timed, run.frames) {
+        if cost.part == Part::Rest {
+            rest.push(cost);
+            continue;
+        }
+        let (time, least, by) = table.stage(&cost);
+        table.row(cost.name, time, Some((least, by)));
+        filter += least;
+        if cost.part == Part::Filter && least.seconds < WANTED * time.best {
             slow.push(cost.name);
         }
     }
-    let load = time(Stage::Load);
-    row("load the strip", load, None);
-    sum = Time { best: sum.best + load.best, median: sum.median + load.median };
-    row("sum", sum, None);
-    row("filter in its place: products to means at work", time(Stage::Filter), None);
-    println!(
-        "\nThe whole run on one thread: {cpu_s:.2} s of CPU, {:.1} cycles per vector and pair; the tiles before it: {tiles_s:.2} s.",
-        cpu_s / (units * strips) * machine.hertz
-    );
-    let verdict = if slow.is_empty() { "none".to_owned() } else { slow.join(", ") };
-    println!("Stages of the filter below {} of their roof: {verdict}.\n", percent(WANTED));
+    let in_place = table.time(Stage::Filter);
+    table.row("these in turns, as in the program", in_place, Some((filter, "sum of these")));
+    sum += in_place;
+    for cost in &rest {
+        let (time, least, by) = table.stage(cost);
+        table.row(cost.name, time, Some((least, by)));
+        sum += time;
+    }
+    for (name, stage) in [("load the strip", Stage::Load), ("report", Stage::Report)] {
+        let time = table.time(stage);
+        table.row(name, time, None);
+        sum += time;
+    }
+    table.row("sum of the last rows, from *in turns* on", sum, None);
+    table.foot(&slow);
 }
 
-fn roof(cost: &Cost, machine: &Machine, timed: &Timed) -> Roof {
-    Roof::of(cost, machine, timed.lanes * size_of::<f32>())
+impl AddAssign for Least {
+    fn add_assign(&mut self, other: Self) {
+        self.arithmetic_s += other.arithmetic_s;
+        self.bytes_s += other.bytes_s;
+        self.seconds += other.seconds;
+        self.flops += other.flops;
+    }
+}
+
+struct Table<'a> {
+    machine: &'a Machine,
+    run: &'a Run,
+    /// Vectors times pairs of a strip.
+    units: f64,
+}
+
+impl<'a> Table<'a> {
+    fn new(machine: &'a Machine, run: &'a Run) -> Self {
+        let pairs = (run.frames * (run.frames - 1) / 2) as f64;
+        Self { machine, run, units: (run.timed.rows * run.timed.blocks) as f64 * pairs }
+    }
+
+    fn head(&self, method: Method) {
+        let Timed { rows, blocks, lanes, halo, .. } = self.run.timed;
+        let name = if method == Method::Linked { "linked" } else { "paper" };
+        println!(
+            "## `--method {name}`: strips of {rows} rows, {blocks} vectors of {lanes} pixels a row, R = {halo}\n"
+        );
+        println!("Of one vector and pair, in cycles but for ns:\n");
+        println!(
+            "| stage | ns | best | median | arithmetic | bytes | roof | share of it | of the peak | of the run |"
+        );
+        println!("|---|---|---|---|---|---|---|---|---|---|");
+    }
+
+    /// Time and roof of a stage, and what makes the roof.
+    fn stage(&self, cost: &crate::costs::Cost) -> (Time, Least, &'static str) {
+        let vector = self.run.timed.lanes * size_of::<f32>();
+        let roof = Roof::of(cost, self.machine, vector);
+        let Roof { arithmetic_s, bytes_s, flops, by } = roof;
+        let seconds = roof.seconds();
+        (self.time(cost.stage), Least { arithmetic_s, bytes_s, seconds, flops }, by)
+    }
+
+    fn row(&self, name: &str, time: Time, roof: Option<(Least, &str)>) {
+        let cycles = |seconds: f64| format!("{:.1}", seconds * self.machine.hertz);
+        let [arithmetic, bytes, by, share, peak] = match roof {
+            None => [const { String::new() }; 5],
+            Some((roof, by)) => [
+                cycles(roof.arithmetic_s),
+                cycles(roof.bytes_s),
+                by.to_owned(),
+                percent(roof.seconds / time.best),
+                percent(roof.flops * self.run.timed.lanes as f64 / time.best / self.machine.peak()),
+            ],
+        };
+        println!(
+            "| {name} | {:.1} | {} | {} | {arithmetic} | {bytes} | {by} | {share} | {peak} | {} |",
+            time.best * 1e9,
+            cycles(time.best),
+            cycles(time.median),
+            percent(time.best * self.units * self.run.strips / self.run.cpu_s)
+        );
+    }
+
+    fn foot(&self, slow: &[&str]) {
+        let Run { strips, cpu_s, tiles_s, .. } = self.run;
+        println!(
+            "\nThe whole run on one thread: {cpu_s:.2} s of CPU, {:.1} cycles for each vector and pair; \
+             the tiles before it: {tiles_s:.2} s.",
+            cpu_s / (self.units * strips) * self.machine.hertz
+        );
+        let verdict = if slow.is_empty() { "none".to_owned() } else { slow.join(", ") };
+        println!("Steps of the filter below {} of their roof: {verdict}.\n", percent(WANTED));
+    }
+
+    /// Sum over the laps of the shortest, and of the middle, of their times.
+    fn time(&self, stage: Stage) -> Time {
+        let laps = &self.run.timed.laps;
+        let count = laps.first().map_or(0, |laps| laps.of(stage).len());
+        let mut sum = Time::default();
+        for lap in 0..count {
+            let mut all: Vec<f64> = laps.iter().map(|laps| laps.of(stage)[lap]).collect();
+            all.sort_by(f64::total_cmp);
+            sum += Time { best: all[0] / self.units, median: all[all.len() / 2] / self.units };
+        }
+        sum
+    }
 }
 
 fn percent(share: f64) -> String {
     format!("{:.0} %", 100.0 * share)
-}
-
-/// Sum over the laps of the shortest, and of the middle, of their times.
-fn time(timed: &Timed, stage: Stage, units: f64) -> Time {
-    let count = timed.laps.first().map_or(0, |laps| laps.of(stage).len());
-    let mut sum = Time::default();
-    for lap in 0..count {
-        let mut all: Vec<f64> = timed.laps.iter().map(|laps| laps.of(stage)[lap]).collect();
-        all.sort_by(f64::total_cmp);
-        sum.best += all[0] / units;
-        sum.median += all[all.len() / 2] / units;
-    }
-    sum
 }

@@ -1,8 +1,9 @@
-//! A strip of an [`ImageJob`] with the clock in hand, for `cargo bench --bench roofline`: the code and the buffers of a
-//! real run, stage by stage. Nothing in the program calls it.
+//! A strip of an [`ImageJob`] with the clock in hand, for `cargo bench --bench roofline`: the code and the
+//! buffers of a real run, stage by stage. Nothing in the program calls it.
 //!
-//! The steps of the filter take turns for every vector, too fast for a clock. They are run one by one over the whole strip, on
-//! the same frames in the same order, so that what a step reads comes from the same caches; all else is timed in its place.
+//! The steps of the filter take turns for every vector, too fast for a clock. They are run one by one over the
+//! whole strip, on the same frames in the same order, so that what a step reads comes from the same caches; all
+//! else is timed in its place.
 
 use super::filter::{Pair, PairSource, Passes};
 use super::fir::Sink;
@@ -45,6 +46,9 @@ pub enum Stage {
     Residuals,
     /// The step of scoring; one lap.
     Score,
+    /// Results out of the lanes, unwrapped where that is left, unusable pixels blanked; one lap, or one for
+    /// each vector.
+    Report,
 }
 
 /// Seconds of every lap of each stage.
@@ -80,8 +84,8 @@ pub struct Timed {
     pub laps: Vec<Laps>,
 }
 
-/// Time the strip in the middle of the image `repetitions` times: least squares with the paper's weights, or linked phases, of
-/// one depth in one recording.
+/// Time the strip in the middle of the image `repetitions` times: least squares with the paper's weights, or
+/// linked phases, of one depth in one recording.
 ///
 /// # Errors
 /// What [`ImageJob::run`] reports.
@@ -165,7 +169,8 @@ pub(super) fn time_passes<L: Lanes, const CH: usize>(
 /// Means that are kept: so few that they stay in the first-level cache, a power of two.
 const MEANS: usize = 64;
 
-/// In the program the means are worked on in registers; here they must go somewhere, or they would not be computed.
+/// In the program the means are worked on in registers; here they must go somewhere, or they would not be
+/// computed.
 struct Means<L, const CH: usize>(Vec<[L; CH]>);
 
 impl<L: Lanes, const CH: usize> Sink<L, CH> for Means<L, CH> {

@@ -28,6 +28,9 @@ pub(in super::super) fn time<L: Lanes>(
         laps.end(Stage::Load, start);
         worker.expand_models(tiles, &rows);
         worker.time_link(run, &mut laps);
+        let start = Instant::now();
+        worker.report(run, tiles, rows.clone())?;
+        laps.end(Stage::Report, start);
         worker.time_filter(run, &pairs, &mut laps);
         all.push(laps);
     }

@@ -1,7 +1,7 @@
 //! The stages of the least squares, timed (`super::super::stages`).
 
 use super::super::stages::{Frames, Laps, Stage, time_passes, time_sink};
-use super::{PairSamples, Run, Worker};
+use super::{PairSamples, Run, Worker, unload};
 use crate::error::Result;
 use crate::lanes::Lanes;
 use crate::method::Average;
@@ -10,8 +10,8 @@ use phasewalk_core::solver::Solver;
 use phasewalk_core::storage::{Link, Node};
 use std::time::Instant;
 
-/// Every repetition begins with the strip as the program does it, which leaves the samples that the equations are set
-/// up from.
+/// Every repetition begins with the strip as the program does it, which leaves the samples that the equations
+/// are set up from.
 #[inline(always)]
 pub(in super::super) fn time<L: Lanes>(
     run: &Run<'_>,
@@ -29,6 +29,9 @@ pub(in super::super) fn time<L: Lanes>(
         worker.filter_pairs::<4>(run, run.rows)?;
         laps.end(Stage::Filter, start);
         worker.time_solution(run, &mut laps);
+        let start = Instant::now();
+        worker.report(run, first_row..first_row + run.rows)?;
+        laps.end(Stage::Report, start);
         worker.time_filter(run, &mut laps);
         all.push(laps);
     }
@@ -65,7 +68,7 @@ impl<L: Lanes> Worker<L> {
         let references = params.reference_frames;
         let mut solver = Solver::with_storage(links, nodes, lags, plan.gauge(), references);
         let (mut phases, mut measured) = (vec![L::zero(); frames], vec![L::zero(); frames]);
-        for samples in self.samples.chunks_exact(self.pairs.len()) {
+        for (place, samples) in self.samples.chunks_exact(self.pairs.len()).enumerate() {
             let mut samples = samples.iter();
             let next =
                 |_, _| samples.next().map_or((L::zero(), L::zero()), |s| (s.phase, s.weight));
@@ -75,6 +78,10 @@ impl<L: Lanes> Worker<L> {
             let start = Instant::now();
             finish_series(&mut solver, params, &mut phases, &mut measured);
             laps.end(Stage::Solve, start);
+            let start = Instant::now();
+            let (row, vector) = (place / self.layout.blocks, place % self.layout.blocks);
+            unload(&self.layout, &phases, row, vector, run.rows, &mut self.phases);
+            laps.end(Stage::Report, start);
         }
     }
 }
