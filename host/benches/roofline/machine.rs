@@ -6,7 +6,7 @@ mod arithmetic;
 mod bytes;
 
 use arithmetic::{Arithmetic, Clock, Kind};
-use bytes::Bytes;
+use bytes::{Access, Bytes};
 use phasewalk::error::Result;
 use phasewalk::lanes::{LaneTask, Lanes, Path};
 
@@ -34,7 +34,7 @@ pub struct Machine {
     pub divide: f64,
     /// Square roots.
     pub root: f64,
-    /// Bytes read from and written to each of [`BUFFERS`].
+    /// Bytes read from and written to each of [`BUFFERS`], to the largest past the caches.
     pub bandwidth: [[f64; 2]; 4],
     /// Multiply-adds of all cores at once, bytes of the largest buffer read and written by all.
     all_cores: [f64; 3],
@@ -47,17 +47,19 @@ impl Machine {
         let rate = |kind| path.run(Arithmetic { path, kind });
         let fused = if path == Path::Portable { Kind::Multiply } else { Kind::MultiplyAdd };
         let mut bandwidth = [[0.0; 2]; 4];
+        let largest = BUFFERS[3].1;
         for (rates, (_, bytes)) in bandwidth.iter_mut().zip(BUFFERS) {
-            for (rate, write) in rates.iter_mut().zip([false, true]) {
-                *rate = path.run(Bytes { bytes, write })?;
+            let write = if bytes < largest { Access::Write } else { Access::Stream };
+            for (rate, access) in rates.iter_mut().zip([Access::Read, write]) {
+                *rate = path.run(Bytes { bytes, access })?;
             }
         }
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
-        let bytes = BUFFERS[3].1;
+        let of_largest = |access| path.run(Bytes { bytes: largest, access });
         let all_cores = [
             on_all(cores, || path.run(Arithmetic { path, kind: Kind::MultiplyAdd }))?,
-            on_all(cores, || path.run(Bytes { bytes, write: false }))?,
-            on_all(cores, || path.run(Bytes { bytes, write: true }))?,
+            on_all(cores, || of_largest(Access::Read))?,
+            on_all(cores, || of_largest(Access::Stream))?,
         ];
         Ok(Self {
             path,

@@ -3,12 +3,23 @@
 use phasewalk::lanes::{LaneTask, Lanes};
 use std::hint::black_box;
 
+/// What is done with them.
+#[derive(Clone, Copy)]
+pub enum Access {
+    /// Read.
+    Read,
+    /// Written.
+    Write,
+    /// Written past the caches, as the program does with what is as large as the largest buffer.
+    Stream,
+}
+
 /// Bytes per second.
 pub struct Bytes {
     /// Of the buffer.
     pub bytes: usize,
-    /// Written, or read?
-    pub write: bool,
+    /// Read or written?
+    pub access: Access,
 }
 
 impl LaneTask for Bytes {
@@ -18,14 +29,21 @@ impl LaneTask for Bytes {
     fn run<L: Lanes<Element = f32>>(self) -> f64 {
         let mut buffer = vec![L::one(); self.bytes / size_of::<L>()];
         // How many places at once a processor fetches ahead of the program best differs.
-        let rates = if self.write {
-            [
-                writing::<L, 1>(&mut buffer),
-                writing::<L, 2>(&mut buffer),
-                writing::<L, 4>(&mut buffer),
-            ]
-        } else {
-            [reading::<L, 1>(&buffer), reading::<L, 2>(&buffer), reading::<L, 4>(&buffer)]
+        let buffer = &mut buffer[..];
+        let rates = match self.access {
+            Access::Read => {
+                [reading::<L, 1>(buffer), reading::<L, 2>(buffer), reading::<L, 4>(buffer)]
+            }
+            Access::Write => [
+                writing::<L, 1, false>(buffer),
+                writing::<L, 2, false>(buffer),
+                writing::<L, 4, false>(buffer),
+            ],
+            Access::Stream => [
+                writing::<L, 1, true>(buffer),
+                writing::<L, 2, true>(buffer),
+                writing::<L, 4, true>(buffer),
+            ],
         };
         rates.into_iter().fold(0.0, f64::max)
     }
@@ -48,12 +66,13 @@ fn reading<L: Lanes, const STREAMS: usize>(buffer: &[L]) -> f64 {
 }
 
 #[inline(always)]
-fn writing<L: Lanes, const STREAMS: usize>(buffer: &mut [L]) -> f64 {
+fn writing<L: Lanes, const STREAMS: usize, const PAST: bool>(buffer: &mut [L]) -> f64 {
     let (turns, value) = (turns(buffer), black_box(L::one()));
     best_rate!(
         turns * size_of_val(buffer),
         for _ in 0..turns {
-            fill::<L, STREAMS>(buffer, value);
+            fill::<L, STREAMS, PAST>(buffer, value);
+            L::end_streaming();
             black_box(&mut *buffer);
         }
     )
@@ -85,12 +104,18 @@ fn sum<L: Lanes, const STREAMS: usize>(buffer: &[L]) -> L {
 }
 
 #[inline(always)]
-fn fill<L: Lanes, const STREAMS: usize>(buffer: &mut [L], value: L) {
+fn fill<L: Lanes, const STREAMS: usize, const PAST: bool>(buffer: &mut [L], value: L) {
     let blocks = buffer.as_chunks_mut::<TOGETHER>().0;
     let length = blocks.len() / STREAMS;
     for at in 0..length {
         for stream in 0..STREAMS {
-            blocks[stream * length + at] = [value; TOGETHER];
+            for place in &mut blocks[stream * length + at] {
+                if PAST {
+                    value.stream_to(place);
+                } else {
+                    *place = value;
+                }
+            }
         }
     }
 }

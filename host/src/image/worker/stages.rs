@@ -56,6 +56,7 @@ impl<L: Lanes> Worker<L> {
             };
             time_sink(Stage::Samples, &mut sink, &means, run.rows * layout.blocks, laps);
         }
+        L::end_streaming();
     }
 
     /// The two halves of the solution, in a solver as that of the workspace.
