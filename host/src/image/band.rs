@@ -4,7 +4,7 @@ use super::filter::{Pair, Passes};
 use super::fir::Sink;
 use super::memory::STRIP_ROWS;
 use super::newest::{Incoming, NewestSettings, Outgoing};
-use super::strip::{Layout, circular, scatter};
+use super::strip::{Columns, Layout, circular, scatter};
 use super::worker::unload;
 use crate::allocate::filled;
 use crate::error::Result;
@@ -86,13 +86,14 @@ impl<L: Lanes> Band<L> {
     /// Put the frame into its slot.
     #[inline(always)]
     fn load(&mut self, frame: &Incoming) {
-        let Layout { width, blocks, halo, .. } = self.layout;
-        let lines = self.rows.len() + 2 * halo;
-        let start = self.slot(0) * lines * blocks;
-        let slot = &mut self.fields[start..start + lines * blocks];
-        for (i, vectors) in slot.chunks_exact_mut(blocks).enumerate() {
+        let Layout { width, halo, .. } = self.layout;
+        let columns = Columns::new(&self.layout, self.rows.len());
+        let start = self.slot(0) * columns.plane();
+        let slot = &mut self.fields[start..start + columns.plane()];
+        for i in 0..columns.tall {
             let y = circular(self.rows.start, i, halo, self.height);
             let (line, finite) = (&frame.field[y * width..][..width], &frame.finite[y * width..]);
+            let vectors = columns.line(slot, i);
             scatter(line, &finite[..width], self.scale, &self.layout, vectors);
         }
     }
@@ -105,15 +106,13 @@ impl<L: Lanes> Band<L> {
         let slots: Vec<usize> = (1..=known).map(|age| self.slot(age)).collect();
         let Self { layout, fields, phases, passes, pairs, weights, .. } = self;
         let (blocks, places) = (layout.blocks, self.rows.len() * layout.blocks);
-        let size = (self.rows.len() + 2 * layout.halo) * blocks;
-        let strip = |slot: usize| {
-            let start = slot * size + first * blocks;
-            &fields[start..start + (rows + 2 * layout.halo) * blocks]
-        };
+        let columns = Columns::new(layout, self.rows.len());
+        let strip = |slot: usize| &fields[slot * columns.plane()..][first..columns.plane()];
         let one = [Layers { first: 0..1, second: 1..1 }];
         for (lag, &slot) in slots.iter().enumerate() {
             let held = &phases[slot * places + first * blocks..][..rows * blocks];
-            let pair = Pair { earlier: strip(slot), later: strip(newest), recordings: &one };
+            let pair =
+                Pair { columns, earlier: strip(slot), later: strip(newest), recordings: &one };
             let mut sink = HeldPairs { weights: *weights, held, lags, lag, pairs };
             passes.run(layout, rows, pair, &mut sink);
         }

@@ -1,16 +1,18 @@
 //! One pair of frames over a strip: cross-spectrum, unit phasor, and the Gaussian mean of both.
 
 use super::fir::{self, Sink};
-use super::strip::Layout;
+use super::strip::{Columns, Layout};
 use crate::lanes::Lanes;
 use crate::planes::Layers;
 use num_complex::Complex;
 use phasewalk_core::cross_spectrum::cross_spectrum;
 use phasewalk_core::weights::unit_phasor;
 
-/// The fields of two frames over a strip, in (depth, row, vector) order, and how to combine depths and recordings.
+/// The fields of two frames over a strip, in (depth, vector, row) order, and how to combine depths and recordings.
 #[derive(Clone, Copy)]
 pub struct Pair<'a, L> {
+    /// How they lie.
+    pub columns: Columns,
     /// U(t).
     pub earlier: &'a [Complex<L>],
     /// U(t + dt).
@@ -26,29 +28,30 @@ impl<'a, L: Lanes> Pair<'a, L> {
         fields: &'a [Complex<L>],
         size: usize,
         [t, s]: [usize; 2],
+        columns: Columns,
         recordings: &'a [Layers],
     ) -> Self {
         let field = |frame: usize| &fields[frame * size..][..size];
-        Self { earlier: field(t), later: field(s), recordings }
+        Self { columns, earlier: field(t), later: field(s), recordings }
     }
 
-    /// C or C^{Z1-Z2} of a recording at one place of the strip; `plane` places make one depth.
+    /// C or C^{Z1-Z2} of a recording at one place of the strip.
     #[inline(always)]
-    fn cross_spectrum(&self, layers: &Layers, place: usize, plane: usize) -> Complex<L> {
+    fn cross_spectrum(&self, layers: &Layers, place: usize) -> Complex<L> {
         let [first, second] = layers.both();
-        layers.combine([self.sum(first, place, plane), self.sum(second, place, plane)])
+        layers.combine([self.sum(first, place), self.sum(second, place)])
     }
 
     /// The mean of [`channels`] over the recordings.
     #[inline(always)]
-    fn channels<const CH: usize>(&self, place: usize, plane: usize) -> [L; CH] {
+    fn channels<const CH: usize>(&self, place: usize) -> [L; CH] {
         let [first, others @ ..] = self.recordings else { return [L::zero(); CH] };
-        let mut means = channels(self.cross_spectrum(first, place, plane));
+        let mut means = channels(self.cross_spectrum(first, place));
         if others.is_empty() {
             return means;
         }
         for layers in others {
-            let further: [L; CH] = channels(self.cross_spectrum(layers, place, plane));
+            let further: [L; CH] = channels(self.cross_spectrum(layers, place));
             for i in 0..CH {
                 means[i] += further[i];
             }
@@ -62,7 +65,8 @@ impl<'a, L: Lanes> Pair<'a, L> {
 
     /// C summed over some of the depths.
     #[inline(always)]
-    pub fn sum(&self, depths: std::ops::Range<usize>, place: usize, plane: usize) -> Complex<L> {
+    pub fn sum(&self, depths: std::ops::Range<usize>, place: usize) -> Complex<L> {
+        let plane = self.columns.plane();
         let mut sum = Complex { re: L::zero(), im: L::zero() };
         for z in depths {
             let c = cross_spectrum(self.earlier[z * plane + place], self.later[z * plane + place]);
@@ -106,11 +110,10 @@ impl<L: Lanes> Passes<L> {
         pair: Pair<'_, L>,
         sink: &mut impl Sink<L, CH>,
     ) {
-        self.filter(layout, rows, &PairSource::new(pair, layout, rows), sink);
+        self.filter(layout, rows, &pair, sink);
     }
 
-    /// Filter what `source` has at each place (line * vectors of a row + vector) of `rows` lines and R
-    /// lines of halo above and below; results go to row * vectors of a row + vector.
+    /// Filter what `source` has in each vector of `rows` lines and R lines of halo above and below; results go to row * vectors of a row + vector.
     #[inline(always)]
     pub fn filter<const CH: usize>(
         &mut self,
@@ -137,7 +140,7 @@ impl<L: Lanes> Passes<L> {
     ) {
         let column = &mut self.column.as_chunks_mut::<CH>().0[..rows + 2 * layout.halo];
         for (line, place) in column.iter_mut().enumerate() {
-            *place = source.at(line * layout.blocks + vector);
+            *place = source.at(line, vector);
         }
     }
 
@@ -169,29 +172,14 @@ impl<L: Lanes> Passes<L> {
 
 /// What is filtered. (Not a closure, as [`Sink`].)
 pub trait Source<L, const CH: usize> {
-    /// The numbers at a place of the strip with its halo.
-    fn at(&self, place: usize) -> [L; CH];
+    /// The numbers in a vector of a line of the strip with its halo.
+    fn at(&self, line: usize, vector: usize) -> [L; CH];
 }
 
-/// The channels of a pair.
-pub(super) struct PairSource<'a, L> {
-    pair: Pair<'a, L>,
-    /// Places of one depth.
-    plane: usize,
-}
-
-impl<'a, L> PairSource<'a, L> {
-    /// Those of a strip of `rows` rows.
+impl<L: Lanes, const CH: usize> Source<L, CH> for Pair<'_, L> {
     #[inline(always)]
-    pub(super) fn new(pair: Pair<'a, L>, layout: &Layout, rows: usize) -> Self {
-        Self { pair, plane: (rows + 2 * layout.halo) * layout.blocks }
-    }
-}
-
-impl<L: Lanes, const CH: usize> Source<L, CH> for PairSource<'_, L> {
-    #[inline(always)]
-    fn at(&self, place: usize) -> [L; CH] {
-        self.pair.channels(place, self.plane)
+    fn at(&self, line: usize, vector: usize) -> [L; CH] {
+        self.channels(self.columns.place(line, vector))
     }
 }
 

@@ -8,7 +8,7 @@ pub(super) mod stages;
 use super::filter::{Pair, Passes, Source};
 use super::fir::Sink;
 use super::kernel::Kernel;
-use super::strip::{self, Layout};
+use super::strip::{self, Columns, Layout};
 use super::tiles::{MODES, Tile, Tiles};
 use super::worker::{STRIPS, blank_unusable, unload};
 use super::{Run, StripResult};
@@ -109,7 +109,7 @@ struct Worker<L> {
     depths: Vec<usize>,
     recordings: Vec<Layers>,
     buffer: Vec<Complex32>,
-    /// (frame, depth, row, vector).
+    /// (frame, depth, vector, row).
     fields: Vec<Complex<L>>,
     averager: Averager<L>,
     /// (frame, row, vector): 1 / sqrt of the mean power.
@@ -228,8 +228,9 @@ impl<L: Lanes> Worker<L> {
     fn filter_power(&mut self, rows: usize, i: usize) {
         let Self { stages, layout, window, fields, averager, inverse_root, .. } = self;
         let places = rows * layout.blocks;
-        let size = self.depths.len() * (rows + 2 * stages.halo()) * layout.blocks;
-        let pair = Pair::of(fields, size, [i, i], &self.recordings);
+        let columns = Columns { blocks: layout.blocks, tall: rows + 2 * stages.halo() };
+        let size = self.depths.len() * columns.plane();
+        let pair = Pair::of(fields, size, [i, i], columns, &self.recordings);
         let mut roots = Roots(&mut inverse_root[i * places..][..places]);
         averager.run([layout, window], rows, pair, &mut roots);
     }
@@ -239,8 +240,9 @@ impl<L: Lanes> Worker<L> {
     fn filter_pair(&mut self, rows: usize, i: usize, j: usize) {
         let Self { stages, layout, window, fields, averager, inverse_root, gamma, .. } = self;
         let places = rows * layout.blocks;
-        let size = self.depths.len() * (rows + 2 * stages.halo()) * layout.blocks;
-        let pair = Pair::of(fields, size, [i, j], &self.recordings);
+        let columns = Columns { blocks: layout.blocks, tall: rows + 2 * stages.halo() };
+        let size = self.depths.len() * columns.plane();
+        let pair = Pair::of(fields, size, [i, j], columns, &self.recordings);
         let root = |frame: usize| &inverse_root[frame * places..][..places];
         let roots = [root(i), root(j)];
         let mut normalised = Normalised { roots, gamma: &mut gamma[j * places..][..places] };
@@ -428,11 +430,10 @@ impl<L: Lanes> Averager<L> {
             return;
         };
         let middle = rows + 2 * layout.halo;
-        let plane = (middle + 2 * window.halo) * blocks;
         self.products.fill(Complex { re: L::zero(), im: L::zero() });
         for recording in pair.recordings {
             for (average, depths) in self.layers.iter_mut().zip(recording.both()) {
-                let layer = Layer { pair, depths, plane };
+                let layer = Layer { pair, depths };
                 passes.filter(window, middle, &layer, &mut Averages(average));
             }
             let [first, second] = &self.layers;
@@ -442,7 +443,7 @@ impl<L: Lanes> Averager<L> {
                 sum.im += c.im;
             }
         }
-        self.whole.filter(layout, rows, &Products(&self.products), sink);
+        self.whole.filter(layout, rows, &Products { sums: &self.products, blocks }, sink);
     }
 }
 
@@ -476,13 +477,12 @@ impl<L: Lanes> Sink<L, 2> for Normalised<'_, L> {
 struct Layer<'a, L> {
     pair: Pair<'a, L>,
     depths: Range<usize>,
-    plane: usize,
 }
 
 impl<L: Lanes> Source<L, 2> for Layer<'_, L> {
     #[inline(always)]
-    fn at(&self, place: usize) -> [L; 2] {
-        let c = self.pair.sum(self.depths.clone(), place, self.plane);
+    fn at(&self, line: usize, vector: usize) -> [L; 2] {
+        let c = self.pair.sum(self.depths.clone(), self.pair.columns.place(line, vector));
         [c.re, c.im]
     }
 }
@@ -497,13 +497,16 @@ impl<L: Lanes> Sink<L, 2> for Averages<'_, L> {
     }
 }
 
-/// The products of both.
-struct Products<'a, L>(&'a [Complex<L>]);
+/// The products of both, row after row.
+struct Products<'a, L> {
+    sums: &'a [Complex<L>],
+    blocks: usize,
+}
 
 impl<L: Lanes> Source<L, 2> for Products<'_, L> {
     #[inline(always)]
-    fn at(&self, place: usize) -> [L; 2] {
-        let c = self.0[place];
+    fn at(&self, line: usize, vector: usize) -> [L; 2] {
+        let c = self.sums[line * self.blocks + vector];
         [c.re, c.im]
     }
 }

@@ -5,9 +5,9 @@
 //! whole strip, on the same frames in the same order, so that what a step reads comes from the same caches; all
 //! else is timed in its place.
 
-use super::filter::{Pair, PairSource, Passes};
+use super::filter::{Pair, Passes};
 use super::fir::Sink;
-use super::strip::Layout;
+use super::strip::{Columns, Layout};
 use super::{ImageJob, Run, linked, worker};
 use crate::error::Result;
 use crate::lanes::{LaneTask, Lanes};
@@ -138,9 +138,9 @@ pub(super) fn time_passes<L: Lanes, const CH: usize>(
     laps: &mut Laps,
 ) -> Vec<[L; CH]> {
     let Frames { layout, rows, fields, recordings, pairs } = *frames;
-    let size = (rows + 2 * layout.halo) * layout.blocks;
+    let columns = Columns::new(layout, rows);
     for &(t, s) in pairs {
-        let source = PairSource::new(Pair::of(fields, size, [t, s], recordings), layout, rows);
+        let source = Pair::of(fields, columns.plane(), [t, s], columns, recordings);
         let start = Instant::now();
         for vector in 0..layout.blocks {
             passes.gather::<CH>(layout, rows, &source, vector);

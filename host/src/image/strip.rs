@@ -100,10 +100,48 @@ impl Layout {
     }
 }
 
+/// How the fields of a frame lie in memory: vector after vector, each with all its lines, as the filter along y reads
+/// them. (Row after row a pair's products would wait for every line: the third cache is far.)
+#[derive(Clone, Copy, Debug)]
+pub struct Columns {
+    /// Vectors of a row.
+    pub blocks: usize,
+    /// Lines, those of the halo too.
+    pub tall: usize,
+}
+
+impl Columns {
+    /// Those of `rows` rows with their halo.
+    #[must_use]
+    pub const fn new(layout: &Layout, rows: usize) -> Self {
+        Self { blocks: layout.blocks, tall: rows + 2 * layout.halo }
+    }
+
+    /// Where a vector of a line is.
+    #[inline(always)]
+    #[must_use]
+    pub const fn place(self, line: usize, vector: usize) -> usize {
+        vector * self.tall + line
+    }
+
+    /// Places of one depth.
+    #[inline(always)]
+    #[must_use]
+    pub const fn plane(self) -> usize {
+        self.blocks * self.tall
+    }
+
+    /// The places of a line.
+    #[inline(always)]
+    pub fn line<T>(self, plane: &mut [T], line: usize) -> impl Iterator<Item = &mut T> {
+        plane.iter_mut().skip(line).step_by(self.tall)
+    }
+}
+
 /// What a strip holds: rows `rows` of all frames and the given depths, with R rows of circular halo
 /// above and below, scaled, unusable pixels set to 0.
 ///
-/// Order (frame, depth, row, vector); `fields` has one entry per vector.
+/// Order (frame, depth, vector, row), see [`Columns`]; `fields` has one entry per vector.
 #[inline(always)]
 pub fn load<L: Lanes>(
     series: &dyn Series,
@@ -114,18 +152,17 @@ pub fn load<L: Lanes>(
     fields: &mut [Complex<L>],
 ) -> Result<()> {
     let Shape { frames, height, width, .. } = series.shape();
-    let tall = rows.len() + 2 * layout.halo;
-    buffer.resize(tall * width, Complex32::default());
-    let mut targets = fields.chunks_exact_mut(tall * layout.blocks);
+    let columns = Columns::new(layout, rows.len());
+    buffer.resize(columns.tall * width, Complex32::default());
+    let mut targets = fields.chunks_exact_mut(columns.plane());
     for frame in 0..frames {
         for &depth in source.depths {
             read_circular(series, frame, depth, &rows, layout.halo, buffer)?;
             let Some(target) = targets.next() else { return Ok(()) };
-            let lines = buffer.chunks_exact(width).zip(target.chunks_exact_mut(layout.blocks));
-            for (i, (line, vectors)) in lines.enumerate() {
+            for (i, line) in buffer.chunks_exact(width).enumerate() {
                 let y = circular(rows.start, i, layout.halo, height);
                 let valid = &source.valid[y * width..][..width];
-                scatter(line, valid, source.scale, layout, vectors);
+                scatter(line, valid, source.scale, layout, columns.line(target, i));
             }
         }
     }
@@ -171,14 +208,14 @@ fn read_circular(
 
 /// One line into lane blocks.
 #[inline(always)]
-pub(super) fn scatter<L: Lanes>(
+pub(super) fn scatter<'a, L: Lanes>(
     line: &[Complex32],
     valid: &[bool],
     scale: f32,
     layout: &Layout,
-    vectors: &mut [Complex<L>],
+    vectors: impl Iterator<Item = &'a mut Complex<L>>,
 ) {
-    for (i, vector) in vectors.iter_mut().enumerate() {
+    for (i, vector) in vectors.enumerate() {
         let (mut re, mut im) = ([L::zero()], [L::zero()]);
         let lanes = L::flat_mut(&mut re).iter_mut().zip(L::flat_mut(&mut im));
         for (lane, (re, im)) in lanes.enumerate() {

@@ -5,7 +5,7 @@ pub(super) mod stages;
 use super::filter::{Pair, Passes};
 use super::fir::Sink;
 use super::phase::{Sample, Workspace};
-use super::strip::{self, Layout, Source};
+use super::strip::{self, Columns, Layout, Source};
 use super::{Run, StripResult};
 use crate::allocate::filled;
 use crate::error::Result;
@@ -54,7 +54,7 @@ struct Worker<L> {
     recordings: Vec<Layers>,
     weights: Weights,
     buffer: Vec<Complex32>,
-    /// (frame, depth, row, vector).
+    /// (frame, depth, vector, row).
     fields: Vec<Complex<L>>,
     passes: Passes<L>,
     /// ⟨C(t,0)⟩, (frame, row, vector).
@@ -130,9 +130,10 @@ impl<L: Lanes> Worker<L> {
         }
         let Self { layout, depths, recordings, fields, passes, powers, .. } = self;
         let places = rows * layout.blocks;
-        let frame_size = depths.len() * (rows + 2 * layout.halo) * layout.blocks;
+        let columns = Columns::new(layout, rows);
+        let frame_size = depths.len() * columns.plane();
         for (field, power) in fields.chunks_exact(frame_size).zip(powers.chunks_exact_mut(places)) {
-            let pair = Pair { earlier: field, later: field, recordings };
+            let pair = Pair { columns, earlier: field, later: field, recordings };
             passes.run::<2>(layout, rows, pair, &mut Powers(power));
         }
     }
@@ -154,12 +155,13 @@ impl<L: Lanes> Worker<L> {
             ..
         } = self;
         let (places, count) = (rows * layout.blocks, pairs.len());
-        let frame_size = depths.len() * (rows + 2 * layout.halo) * layout.blocks;
+        let columns = Columns::new(layout, rows);
+        let frame_size = depths.len() * columns.plane();
         let coherent = run.job.needs_coherence();
         let power = |frame: usize| if coherent { &powers[frame * places..][..places] } else { &[] };
         let mut frames_begun = 0;
         for (index, &(t, s)) in pairs.iter().enumerate() {
-            let pair = Pair::of(fields, frame_size, [t, s], recordings);
+            let pair = Pair::of(fields, frame_size, [t, s], columns, recordings);
             let mut sink = PairSamples {
                 weights: *weights,
                 by_phasor: run.job.plan.average == Average::Phasor,
