@@ -11,6 +11,8 @@
 mod recordings;
 mod spatial;
 mod speckled;
+#[cfg(test)]
+mod testing;
 
 pub use recordings::looks_of_recordings;
 pub use spatial::{Block, SpatialCoherence};
@@ -25,6 +27,8 @@ use num_complex::{Complex32, Complex64};
 
 /// Frames that are looked at: enough for a noise of |mu|^2 far below 1 %.
 const FRAMES: usize = 8;
+/// What few pixels may owe to chance at most.
+const MOST_CHANCE: f64 = 0.5;
 /// What neighbours have in common is not chance, which leaves 1/pixels, if it is so many times that.
 const SEEN: f64 = 30.0;
 
@@ -68,12 +72,22 @@ impl Looks {
 
 /// Independent looks that the sum over the depths of a layer adds to every pixel: (sum of P_z)^2 / sum over z,z' of
 /// |C_zz'|^2 with C_zz' = sum over x of U_z(x) conj U_z'(x) and P_z = C_zz, in the mean over up to eight frames. 1 for
-/// a single depth.
+/// a single depth. Of the |C_zz'|^2 of two depths, what chance adds is left out: P_z P_z' / L if they are independent,
+/// L being the `looks` of the pixels that can be used.
 ///
 /// # Errors
 /// When the series cannot be read or the user interrupts.
-pub fn looks_of_depths(series: &dyn Series, survey: &Survey, depths: &[usize]) -> Result<f64> {
-    let (mut whole, mut parts) = (0.0, 0.0);
+pub fn looks_of_depths(
+    series: &dyn Series,
+    survey: &Survey,
+    depths: &[usize],
+    looks: f64,
+) -> Result<f64> {
+    if depths.len() < 2 {
+        return Ok(1.0);
+    }
+    let chance = 1.0 / looks.max(MOST_CHANCE.recip());
+    let (mut whole, mut own, mut others) = (0.0, 0.0, 0.0);
     for frame in spread(series.shape().frames) {
         progress::check()?;
         let read = |&depth: &usize| read_usable(series, survey, frame, depth);
@@ -81,12 +95,15 @@ pub fn looks_of_depths(series: &dyn Series, survey: &Survey, depths: &[usize]) -
         let cross = |(u, v): (&Vec<Complex32>, &Vec<Complex32>)| -> Complex64 {
             u.iter().zip(v).map(|(u, v)| double(*u) * double(*v).conj()).sum()
         };
-        let power: f64 = planes.iter().map(|plane| cross((plane, plane)).re).sum();
-        whole += power * power;
-        let pairs = planes.iter().flat_map(|u| planes.iter().map(move |v| (u, v)));
-        parts += pairs.map(cross).map(|c| c.norm_sqr()).sum::<f64>();
+        let powers: Vec<f64> = planes.iter().map(|plane| cross((plane, plane)).re).collect();
+        whole += powers.iter().sum::<f64>().powi(2);
+        own += powers.iter().map(|power| power * power).sum::<f64>();
+        for (i, j) in (1..planes.len()).flat_map(|i| (0..i).map(move |j| (i, j))) {
+            let squared = cross((&planes[i], &planes[j])).norm_sqr();
+            others += 2.0 * (squared - chance * powers[i] * powers[j]) / (1.0 - chance);
+        }
     }
-    Ok(if parts > 0.0 { whole / parts } else { 1.0 })
+    Ok(if own > 0.0 { whole / (own + others.max(0.0)) } else { 1.0 })
 }
 
 /// A frame at one depth, scaled, 0 where it is not usable.
@@ -139,5 +156,45 @@ impl Product {
     fn coherence_squared(&self) -> f64 {
         let [p, q] = self.powers;
         if p * q > 0.0 { self.cross.norm_sqr() / (p * q) } else { 0.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::testing::noise;
+    use super::*;
+    use crate::series::{HeldSeries, survey};
+
+    /// In however few pixels: chance correlates them, too.
+    #[test]
+    fn independent_depths_count_one_each() {
+        const DEPTH: usize = 10;
+        let shape = Shape { frames: FRAMES, depth: DEPTH, height: 6, width: 6 };
+        let depths: Vec<usize> = (0..DEPTH).collect();
+        let (mut state, runs) = (3, 10);
+        let mut looks = 0.0;
+        for _ in 0..runs {
+            let numbers = (0..FRAMES * DEPTH * 36).map(|_| noise(&mut state)).collect();
+            let series = HeldSeries::new(shape, numbers).unwrap();
+            let all = survey(&series, &depths).unwrap();
+            looks += looks_of_depths(&series, &all, &depths, 36.0).unwrap() / f64::from(runs);
+        }
+        // With the chance of 1/36 for each of the 90 pairs it would be 8. Each field's power differs by a sixth.
+        assert!((looks / 10.0 - 1.0).abs() < 0.05, "{looks}");
+    }
+
+    #[test]
+    fn depths_that_are_alike_count_once() {
+        let mut state = 4;
+        let shape = Shape { frames: 2, depth: 3, height: 5, width: 5 };
+        let mut field = || {
+            let plane: Vec<_> = (0..25).map(|_| noise(&mut state)).collect();
+            plane.repeat(3)
+        };
+        let series = HeldSeries::new(shape, [field(), field()].concat()).unwrap();
+        let all = survey(&series, &[0, 1, 2]).unwrap();
+        let looks = looks_of_depths(&series, &all, &[0, 1, 2], 25.0).unwrap();
+        assert!((looks - 1.0).abs() < 1e-6, "{looks}");
+        assert_eq!(looks_of_depths(&series, &all, &[1], 25.0).unwrap(), 1.0);
     }
 }

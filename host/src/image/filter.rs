@@ -113,7 +113,8 @@ impl<L: Lanes> Passes<L> {
         self.filter(layout, rows, &pair, sink);
     }
 
-    /// Filter what `source` has in each vector of `rows` lines and R lines of halo above and below; results go to row * vectors of a row + vector.
+    /// Filter what `source` has in each vector of `rows` lines and R lines of halo above and below; results go to
+    /// row * vectors of a row + vector.
     #[inline(always)]
     pub fn filter<const CH: usize>(
         &mut self,

@@ -228,7 +228,7 @@ impl<L: Lanes> Worker<L> {
     fn filter_power(&mut self, rows: usize, i: usize) {
         let Self { stages, layout, window, fields, averager, inverse_root, .. } = self;
         let places = rows * layout.blocks;
-        let columns = Columns { blocks: layout.blocks, tall: rows + 2 * stages.halo() };
+        let columns = Columns::new(&layout.with_rows_of_halo(stages.halo()), rows);
         let size = self.depths.len() * columns.plane();
         let pair = Pair::of(fields, size, [i, i], columns, &self.recordings);
         let mut roots = Roots(&mut inverse_root[i * places..][..places]);
@@ -240,7 +240,7 @@ impl<L: Lanes> Worker<L> {
     fn filter_pair(&mut self, rows: usize, i: usize, j: usize) {
         let Self { stages, layout, window, fields, averager, inverse_root, gamma, .. } = self;
         let places = rows * layout.blocks;
-        let columns = Columns { blocks: layout.blocks, tall: rows + 2 * stages.halo() };
+        let columns = Columns::new(&layout.with_rows_of_halo(stages.halo()), rows);
         let size = self.depths.len() * columns.plane();
         let pair = Pair::of(fields, size, [i, j], columns, &self.recordings);
         let root = |frame: usize| &inverse_root[frame * places..][..places];

@@ -10,7 +10,7 @@ use super::{Run, StripResult};
 use crate::allocate::filled;
 use crate::error::Result;
 use crate::io::Shape;
-use crate::lanes::Lanes;
+use crate::lanes::{Lanes, Stream};
 use crate::method::Average;
 use crate::planes::Layers;
 use crate::series::Survey;
@@ -159,7 +159,7 @@ impl<L: Lanes> Worker<L> {
         let frame_size = depths.len() * columns.plane();
         let coherent = run.job.needs_coherence();
         let power = |frame: usize| if coherent { &powers[frame * places..][..places] } else { &[] };
-        let mut frames_begun = 0;
+        let (stream, mut frames_begun) = (Stream::default(), 0);
         for (index, &(t, s)) in pairs.iter().enumerate() {
             let pair = Pair::of(fields, frame_size, [t, s], columns, recordings);
             let mut sink = PairSamples {
@@ -169,6 +169,7 @@ impl<L: Lanes> Worker<L> {
                 index,
                 count,
                 samples,
+                stream: &stream,
                 coherences,
             };
             passes.run::<CH>(layout, rows, pair, &mut sink);
@@ -176,7 +177,6 @@ impl<L: Lanes> Worker<L> {
             run.progress.advance(begun - frames_begun)?;
             frames_begun = begun;
         }
-        L::end_streaming();
         Ok(())
     }
 
@@ -237,6 +237,7 @@ struct PairSamples<'a, L> {
     index: usize,
     count: usize,
     samples: &'a mut [Sample<L>],
+    stream: &'a Stream,
     /// Empty where they are not kept.
     coherences: &'a mut [L],
 }
@@ -260,8 +261,8 @@ impl<L: Lanes, const CH: usize> Sink<L, CH> for PairSamples<'_, L> {
         let at = place * self.count + self.index;
         // It is read again when all pairs of the strip are there, long after it would have left the caches.
         let sample = &mut self.samples[at];
-        phase.stream_to(&mut sample.phase);
-        weight.stream_to(&mut sample.weight);
+        phase.stream_to(&mut sample.phase, self.stream);
+        weight.stream_to(&mut sample.weight, self.stream);
         if let Some(kept) = self.coherences.get_mut(at) {
             *kept = coherence;
         }

@@ -39,21 +39,30 @@ pub trait Lanes: Scalar + Send + Sync + 'static {
     fn rotate_down(self) -> Self;
 
     /// Write past the caches, where the path can: what is not read again soon then need not be fetched from memory
-    /// first. [`Self::end_streaming`] comes before anybody reads it.
+    /// first. Others may read it when the `stream` has ended.
     #[inline(always)]
-    fn stream_to(self, place: &mut Self) {
+    fn stream_to(self, place: &mut Self, stream: &Stream) {
+        let _ = stream;
         *place = self;
     }
-
-    /// All that was streamed is there.
-    #[inline(always)]
-    fn end_streaming() {}
 
     /// The numbers of all vectors in order, `WIDTH` each.
     fn flat(vectors: &[Self]) -> &[Self::Element];
 
     /// The same, to be written.
     fn flat_mut(vectors: &mut [Self]) -> &mut [Self::Element];
+}
+
+/// As long as it lives, what [`Lanes::stream_to`] has written may be under way.
+#[derive(Debug, Default)]
+pub struct Stream(());
+
+impl Drop for Stream {
+    #[inline(always)]
+    fn drop(&mut self) {
+        #[cfg(target_arch = "x86_64")]
+        x86::wait_for_streams();
+    }
 }
 
 #[cfg(test)]
@@ -85,6 +94,9 @@ mod tests {
             let x = |i: usize| numbers[(a + 5 * i) % numbers.len()];
             let y = |i: usize| numbers[(b + 5 * i) % numbers.len()];
             let (u, v) = (load(a), load(b));
+            let mut streamed = L::zero();
+            u.stream_to(&mut streamed, &Stream::default());
+            compare("stream", streamed, &x);
             compare("add", u + v, &|i| x(i) + y(i));
             compare("sub", u - v, &|i| x(i) - y(i));
             compare("mul", u * v, &|i| x(i) * y(i));

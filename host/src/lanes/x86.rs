@@ -5,7 +5,7 @@
 //! used only in tasks that [`super::Path::run`] has started, after asking the processor; the module is
 //! private, so there is no other way to them.
 
-use super::{Lanes, angle};
+use super::{Lanes, Stream, angle};
 use phasewalk_core::{Mask, Scalar};
 use std::arch::x86_64::*;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
@@ -41,6 +41,13 @@ impl Mask for Mask8 {
         // SAFETY: the value exists only where the processor has AVX2.
         unsafe { _mm256_movemask_ps(self.0) != 0 }
     }
+}
+
+/// All that was written past the caches is there.
+#[inline(always)]
+pub fn wait_for_streams() {
+    // SAFETY: every x86-64 has the instruction.
+    unsafe { _mm_sfence() }
 }
 
 macro_rules! register_lanes {
@@ -172,15 +179,9 @@ macro_rules! register_lanes {
             const WIDTH: usize = $width;
 
             #[inline(always)]
-            fn stream_to(self, place: &mut Self) {
+            fn stream_to(self, place: &mut Self, _: &Stream) {
                 // SAFETY: as above; a value of the register's type is aligned as the instruction wants it.
                 unsafe { $stream((&raw mut place.0).cast(), self.0) }
-            }
-
-            #[inline(always)]
-            fn end_streaming() {
-                // SAFETY: every x86-64 has it.
-                unsafe { _mm_sfence() }
             }
 
             #[inline(always)]

@@ -1,7 +1,7 @@
 //! How far a speckle reaches: L = 1 / sum over x,x' of w(x) w(x') |mu(x-x')|^2, where mu(d) is the spatial coherence of
 //! the field, sum_x U(x) conj U(x+d), normalised by the powers at both ends.
 
-use super::{Product, SEEN, read_usable, spread};
+use super::{MOST_CHANCE, Product, SEEN, read_usable, spread};
 use crate::error::Result;
 use crate::image::Kernel;
 use crate::io::{Series, Shape};
@@ -21,8 +21,6 @@ const PIXELS: usize = 1 << 16;
 const FIRST_REACH: usize = 6;
 const STILL_COHERENT: f64 = 0.02;
 const LAST_REACH: usize = 48;
-/// What a few pairs may owe to chance at most: those at the ends of a small mask count for little.
-const MOST_CHANCE: f64 = 0.5;
 
 /// A rectangle of pixels over which a cross-spectrum is averaged: a square, where the image is wide enough both ways.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,7 +68,9 @@ impl SpatialCoherence {
         let fields: Vec<_> =
             with_speckle(sampled, window.columns.len()).into_iter().flatten().collect();
         let sides = [window.rows.len(), window.columns.len()];
-        let limits = sides.map(|side| LAST_REACH.min(side.saturating_sub(1)) as isize);
+        // Pairs further apart than half of the image are few, and more chance than coherence.
+        let furthest = |side: usize| FIRST_REACH.max(LAST_REACH.min(side / 2));
+        let limits = sides.map(|side| furthest(side).min(side.saturating_sub(1)) as isize);
         let mut reach = limits.map(|limit| limit.min(FIRST_REACH as isize));
         loop {
             progress::check()?;
@@ -212,7 +212,7 @@ impl Window {
 struct Measured {
     /// Averaged over the fields, each by itself: a phase ramp that changes with time must not cancel.
     raw: f64,
-    /// Pairs of pixels, in the mean over the fields.
+    /// Pairs of pixels, in the mean over the fields, about; of rows that are passed over too.
     pairs: f64,
 }
 
@@ -226,7 +226,7 @@ impl Measured {
             pairs += product.pairs;
         }
         let count = fields.len().max(1) as f64;
-        Self { raw: raw / count, pairs: pairs as f64 / count }
+        Self { raw: raw / count, pairs: (lines.step * pairs) as f64 / count }
     }
 
     /// (raw - b) / (1 - b) with what chance adds, b = 1/L_d, where as many of the looks are left as of the pairs:
@@ -314,8 +314,8 @@ fn neighbours(field: &[Complex32], lines: Lines, dy: usize, dx: isize) -> Produc
 #[cfg(test)]
 mod tests {
     use super::super::FRAMES;
+    use super::super::testing::noise;
     use super::*;
-    use num_complex::Complex64;
 
     /// |mu|^2 = 1/4 between neighbours along x, nothing further.
     fn coherence(reach: [isize; 2]) -> SpatialCoherence {
@@ -380,19 +380,7 @@ mod tests {
     fn looks_of_a_small_image_have_no_bias() {
         const SIDE: usize = 20;
         let mut state = 1_u64;
-        let mut number = || {
-            // splitmix64, then Box and Muller.
-            let mut uniform = || {
-                state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-                let mut z = state;
-                z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-                z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-                ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-            };
-            let radius = (-(1.0 - uniform()).ln()).sqrt();
-            let u = Complex64::from_polar(radius, std::f64::consts::TAU * uniform());
-            Complex32::new(u.re as f32, u.im as f32)
-        };
+        let mut number = || noise(&mut state);
         let runs = 20;
         let mut looks = 0.0;
         for _ in 0..runs {

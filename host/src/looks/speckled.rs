@@ -3,7 +3,7 @@
 //! |gamma|^2 of a square, |sum of U_t conj U_(t+1)|^2 / (P_t P_(t+1)), is 1/L and no more where there is only noise,
 //! or where speckle has fallen apart from one frame to the next.
 
-use super::{Product, SEEN, read_usable, spread};
+use super::{Product, read_usable, spread};
 use crate::error::Result;
 use crate::io::{Series, Shape};
 use crate::progress;
@@ -12,12 +12,15 @@ use num_complex::Complex32;
 
 /// Side of the squares, pixels.
 const SIDE: usize = 32;
+/// Pixels that a rectangle holds at least, along an image that is lower or narrower than a square.
+const PIXELS: usize = 128;
 /// Squares that are usable to a smaller share are not looked at.
 const USABLE: f64 = 0.25;
-/// Of ten squares, one agrees better than this one.
-const BEST: f64 = 0.9;
-/// Squares count as speckle down to this share of the best ones' |gamma|^2.
-const ENOUGH: f64 = 0.25;
+/// What frames have in common is seen if it is so many times what chance leaves, 1/pixels.
+const SEEN: f64 = 8.0;
+/// Squares count as speckle down to this share of the middle one's |gamma|^2: of pixels half of which are noise it is a
+/// quarter.
+const ENOUGH: f64 = 0.5;
 
 /// The survey of the squares that hold speckle, as up to eight frames and their neighbours show at one depth; where
 /// frames do not agree anywhere, or there is only one, all squares.
@@ -40,107 +43,167 @@ pub fn speckled(series: &dyn Series, survey: &Survey, depth: usize) -> Result<Su
 /// What the squares of an image have in common from frame to frame.
 struct Squares {
     width: usize,
+    /// Rows and columns of a square.
+    sides: [usize; 2],
     columns: usize,
-    /// Sum over the pairs of frames of |gamma|^2 less what independent pixels have.
-    agreement: Vec<f64>,
-    /// Usable pixels.
-    pixels: Vec<usize>,
-    frames: usize,
+    squares: Vec<Square>,
+}
+
+#[derive(Clone, Copy, Default)]
+struct Square {
+    /// Pixels of the image in it, and those that are usable.
+    pixels: usize,
+    usable: usize,
+    /// Sum over the pairs of frames of |gamma|^2 less what independent pixels have, and their number.
+    agreement: f64,
+    pairs: usize,
+}
+
+impl Square {
+    fn add(&mut self, product: Product) {
+        if product.pairs > 0 {
+            self.agreement += product.coherence_squared() - 1.0 / product.pairs as f64;
+            self.usable = self.usable.max(product.pairs);
+            self.pairs += 1;
+        }
+    }
+
+    /// Mean |gamma|^2, where it is more than chance.
+    fn seen(&self) -> Option<f64> {
+        let agreement = self.agreement / self.pairs.max(1) as f64;
+        let usable = self.usable as f64;
+        let large = usable >= USABLE * self.pixels as f64;
+        (large && agreement * usable > SEEN).then_some(agreement)
+    }
 }
 
 impl Squares {
     fn new(Shape { height, width, .. }: Shape) -> Self {
-        let columns = width.div_ceil(SIDE);
-        let count = height.div_ceil(SIDE) * columns;
-        Self { width, columns, agreement: vec![0.0; count], pixels: vec![0; count], frames: 0 }
+        let along = |across: usize, length: usize| SIDE.max(PIXELS.div_ceil(across)).min(length);
+        let sides = [along(width.min(SIDE), height), along(height.min(SIDE), width)];
+        let columns = width.div_ceil(sides[1]);
+        let count = height.div_ceil(sides[0]) * columns;
+        let mut new = Self { width, sides, columns, squares: vec![Square::default(); count] };
+        for i in 0..height * width {
+            let square = new.of(i);
+            new.squares[square].pixels += 1;
+        }
+        new
     }
 
     /// The square of pixel i.
     const fn of(&self, i: usize) -> usize {
-        i / self.width / SIDE * self.columns + i % self.width / SIDE
+        let [rows, columns] = self.sides;
+        i / self.width / rows * self.columns + i % self.width / columns
     }
 
     fn add(&mut self, earlier: &[Complex32], later: &[Complex32]) {
-        let mut products = vec![Product::default(); self.agreement.len()];
+        let mut products = vec![Product::default(); self.squares.len()];
         for (i, (&u, &v)) in earlier.iter().zip(later).enumerate() {
             products[self.of(i)].add(u, v);
         }
-        for (place, product) in products.iter().enumerate() {
-            let chance = 1.0 / product.pairs.max(1) as f64;
-            self.agreement[place] += product.coherence_squared() - chance;
-            self.pixels[place] = self.pixels[place].max(product.pairs);
+        for (square, product) in self.squares.iter_mut().zip(products) {
+            square.add(product);
         }
-        self.frames += 1;
     }
 
     /// Which of them hold speckle.
     fn chosen(&self) -> Vec<bool> {
-        let large = |&place: &usize| self.pixels[place] as f64 >= USABLE * (SIDE * SIDE) as f64;
-        let mut sorted: Vec<f64> =
-            (0..self.pixels.len()).filter(large).map(|place| self.agreement[place]).collect();
-        sorted.sort_unstable_by(f64::total_cmp);
-        let best = sorted.get((sorted.len() as f64 * BEST) as usize).copied().unwrap_or_default();
-        let seen = best * (SIDE * SIDE) as f64 > SEEN * self.frames as f64;
-        let holds = |place| !seen || large(&place) && self.agreement[place] >= ENOUGH * best;
-        (0..self.pixels.len()).map(holds).collect()
+        let seen: Vec<Option<f64>> = self.squares.iter().map(Square::seen).collect();
+        let least = ENOUGH * middle(seen.iter().flatten().copied().collect());
+        seen.iter().map(|seen| seen.map_or(least == 0.0, |agreement| agreement >= least)).collect()
     }
+}
+
+/// Half of the agreement is in squares that agree better than this one, 0 of none.
+fn middle(mut agreements: Vec<f64>) -> f64 {
+    agreements.sort_unstable_by(f64::total_cmp);
+    let mut left = agreements.iter().sum::<f64>() / 2.0;
+    for agreement in agreements {
+        left -= agreement;
+        if left <= 0.0 {
+            return agreement;
+        }
+    }
+    0.0
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::looks::SpatialCoherence;
+    use crate::looks::testing::noise;
     use crate::series::{HeldSeries, survey};
 
-    const SIDES: usize = 128;
+    const SIDES: [usize; 2] = [128, 128];
     const FRAMES: usize = 6;
 
-    /// splitmix64, then Box and Muller.
-    fn noise(state: &mut u64) -> Complex32 {
-        let mut uniform = || {
-            *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-            let mut z = *state;
-            z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-            z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-            ((z ^ (z >> 31)) >> 11) as f32 / (1_u64 << 53) as f32
-        };
-        let radius = (-(1.0 - uniform()).ln()).sqrt();
-        Complex32::from_polar(radius, std::f32::consts::TAU * uniform())
-    }
-
-    /// Speckle of two pixels that stays as it is, in the left half only if `half`; noise of one pixel elsewhere.
-    fn scene(half: bool) -> HeldSeries {
+    /// Speckle of two pixels along x that stays as it is, at some (y, x); noise of one pixel elsewhere; some frames are
+    /// dark.
+    fn scene(
+        [height, width]: [usize; 2],
+        is_speckle: impl Fn(usize, usize) -> bool,
+        dark: &[usize],
+    ) -> HeldSeries {
         let mut state = 5;
-        let mut white = || (0..SIDES * SIDES).map(|_| noise(&mut state)).collect::<Vec<_>>();
+        let mut white = || (0..height * width).map(|_| noise(&mut state)).collect::<Vec<_>>();
         let speckle = white();
         let mut frames = Vec::new();
-        for _ in 0..FRAMES {
+        for frame in 0..FRAMES {
+            let light = if dark.contains(&frame) { 0.0 } else { 1.0 };
             frames.extend(white().into_iter().enumerate().map(|(i, noise)| {
                 let next = speckle[(i + 1) % speckle.len()];
-                let is_noise = half && i % SIDES >= SIDES / 2;
-                if is_noise { noise } else { (speckle[i] + next) * 0.5_f32.sqrt() }
+                let here = is_speckle(i / width, i % width);
+                (if here { (speckle[i] + next) * 0.5_f32.sqrt() } else { noise }) * light
             }));
         }
-        let shape = Shape { frames: FRAMES, depth: 1, height: SIDES, width: SIDES };
-        HeldSeries::new(shape, frames).unwrap()
+        HeldSeries::new(Shape { frames: FRAMES, depth: 1, height, width }, frames).unwrap()
+    }
+
+    /// Pixels for each look in a long row, 1 + 2 / 4 of such speckle.
+    fn pixels_per_look(series: &HeldSeries) -> f64 {
+        let survey = survey(series, &[0]).unwrap();
+        let chosen = speckled(series, &survey, 0).unwrap();
+        let coherence = SpatialCoherence::estimate(series, &chosen, &[0]).unwrap();
+        1600.0 / coherence.looks_of_mask(&[true; 1600], 1600)
+    }
+
+    fn all(_: usize, _: usize) -> bool {
+        true
+    }
+
+    /// Chance leaves 1 % in 1024 pixels.
+    fn assert_is_speckle(name: &str, series: &HeldSeries) {
+        let found = pixels_per_look(series);
+        assert!((found / 1.5 - 1.0).abs() < 0.05, "{name}: {found}");
     }
 
     #[test]
     fn noise_beside_the_speckle_does_not_change_its_looks() {
-        let looks = |half: bool| {
-            let series = scene(half);
-            let survey = survey(&series, &[0]).unwrap();
-            let chosen = speckled(&series, &survey, 0).unwrap();
-            for (i, &chosen) in chosen.valid.iter().enumerate() {
-                assert_eq!(chosen, !half || i % SIDES < SIDES / 2, "pixel {i}");
-            }
-            let coherence = SpatialCoherence::estimate(&series, &chosen, &[0]).unwrap();
-            coherence.looks_of_mask(&[true; 1600], 40)
-        };
-        // 1 + 2 / 4 pixels a look; the coherence of the 64 x 128 pixels has a chance of its own of 1 %.
-        let (pure, mixed) = (looks(false), looks(true));
-        assert!((pure * 1.5 / 1600.0 - 1.0).abs() < 0.04, "{pure}");
-        assert!((mixed / pure - 1.0).abs() < 0.04, "{mixed} {pure}");
+        assert_is_speckle("speckle everywhere", &scene(SIDES, all, &[]));
+        assert_is_speckle("half of it", &scene(SIDES, |_, x| x < 64, &[]));
+        assert_is_speckle("an edge within squares", &scene(SIDES, |_, x| x < 48, &[]));
+        assert_is_speckle("one square", &scene(SIDES, |y, x| y < 32 && x < 32, &[]));
+        let at = |from: usize| from..from + 40;
+        let island = |y: usize, x: usize| at(20).contains(&y) && at(20).contains(&x);
+        let found = pixels_per_look(&scene(SIDES, island, &[]));
+        // The best square is noise to a quarter, whose coherence is 0: (3/4)^2 of 0.5.
+        assert!((1.25..1.5).contains(&found), "an island: {found}");
+    }
+
+    #[test]
+    fn dark_frames_say_nothing() {
+        assert_is_speckle("dark frames", &scene(SIDES, |_, x| x < 64, &[2, 4]));
+    }
+
+    #[test]
+    fn line_scans_have_noise_beside_speckle_too() {
+        for sides in [[1, 4096], [6, 512]] {
+            let series = scene(sides, |_, x| x < sides[1] / 2, &[]);
+            assert_is_speckle(&format!("{sides:?}"), &series);
+        }
+        let tall = Squares::new(Shape { frames: 2, depth: 1, height: 300, width: 2 });
+        assert_eq!((tall.sides, tall.squares.len()), ([64, 2], 5));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! How many bytes a core reads and writes.
 
-use phasewalk::lanes::{LaneTask, Lanes};
+use phasewalk::lanes::{LaneTask, Lanes, Stream};
 use std::hint::black_box;
 
 /// What is done with them.
@@ -71,8 +71,7 @@ fn writing<L: Lanes, const STREAMS: usize, const PAST: bool>(buffer: &mut [L]) -
     best_rate!(
         turns * size_of_val(buffer),
         for _ in 0..turns {
-            fill::<L, STREAMS, PAST>(buffer, value);
-            L::end_streaming();
+            fill::<L, STREAMS, PAST>(buffer, value, &Stream::default());
             black_box(&mut *buffer);
         }
     )
@@ -104,14 +103,18 @@ fn sum<L: Lanes, const STREAMS: usize>(buffer: &[L]) -> L {
 }
 
 #[inline(always)]
-fn fill<L: Lanes, const STREAMS: usize, const PAST: bool>(buffer: &mut [L], value: L) {
+fn fill<L: Lanes, const STREAMS: usize, const PAST: bool>(
+    buffer: &mut [L],
+    value: L,
+    stream_past: &Stream,
+) {
     let blocks = buffer.as_chunks_mut::<TOGETHER>().0;
     let length = blocks.len() / STREAMS;
     for at in 0..length {
         for stream in 0..STREAMS {
             for place in &mut blocks[stream * length + at] {
                 if PAST {
-                    value.stream_to(place);
+                    value.stream_to(place, stream_past);
                 } else {
                     *place = value;
                 }

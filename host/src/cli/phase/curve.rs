@@ -192,7 +192,8 @@ impl Ground<'_> {
     /// that linked phases of two layers need.
     fn looks(&self, usable: &Survey) -> Result<(f64, AddedLooks, Option<Block>)> {
         let Task { good, plan, .. } = self.task;
-        let (coherence, added) = (self.task.coherence(usable)?, self.task.added_looks(usable)?);
+        let coherence = self.task.coherence(usable)?;
+        let added = self.task.added_looks(usable, &coherence)?;
         let looks = coherence.looks_of_mask(&usable.valid, good.shape().width);
         let two = plan.method == Method::Linked && plan.depths.has_two_layers();
         let wanted = window_looks(looks * added.depths);

@@ -29,7 +29,7 @@ impl Task<'_> {
         let speckled = speckled(&self.good, &survey, depth)?;
         let coherence = self.coherence(&speckled)?;
         let linked = self.plan.method == Method::Linked;
-        let added = self.added_looks(&speckled)?;
+        let added = self.added_looks(&speckled, &coherence)?;
         let effective = coherence.looks_of_kernel(&kernel) * added.product();
         let nominal = kernel.nominal_looks() * self.arguments.series.len() as f64;
         let looks = self.arguments.looks().choose(nominal, effective);

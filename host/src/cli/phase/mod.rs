@@ -139,15 +139,17 @@ impl Task<'_> {
     }
 
     /// Looks that depths and recordings add to each pixel: of the layer that has fewer.
-    fn added_looks(&self, survey: &Survey) -> Result<AddedLooks> {
+    fn added_looks(&self, survey: &Survey, coherence: &SpatialCoherence) -> Result<AddedLooks> {
         let layers = self.plan.depths.by_layer();
         let mut added = AddedLooks { depths: 1.0, recordings: f64::INFINITY };
         for layer in &layers {
             let amount = looks_of_recordings(&self.good, survey, layer)?;
             added.recordings = added.recordings.min(amount);
         }
-        if self.plan.method == Method::Linked {
-            let of = |depths: &Vec<usize>| looks_of_depths(&self.good, survey, depths);
+        let several = layers.iter().flatten().any(|depths| depths.len() > 1);
+        if self.plan.method == Method::Linked && several {
+            let pixels = coherence.looks_of_mask(&survey.valid, self.good.shape().width);
+            let of = |depths: &Vec<usize>| looks_of_depths(&self.good, survey, depths, pixels);
             let looks: Vec<f64> = layers.iter().flatten().map(of).collect::<Result<_>>()?;
             added.depths = looks.into_iter().fold(f64::INFINITY, f64::min);
         }

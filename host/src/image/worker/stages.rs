@@ -3,7 +3,7 @@
 use super::super::stages::{Frames, Laps, Stage, time_passes, time_sink};
 use super::{PairSamples, Run, Worker, unload};
 use crate::error::Result;
-use crate::lanes::Lanes;
+use crate::lanes::{Lanes, Stream};
 use crate::method::Average;
 use phasewalk_core::batch::{assemble_series, finish_series};
 use phasewalk_core::solver::Solver;
@@ -44,6 +44,7 @@ impl<L: Lanes> Worker<L> {
         let Self { layout, pairs, recordings, weights, fields, passes, samples, .. } = self;
         let frames = Frames { layout, rows: run.rows, fields, recordings, pairs };
         let means = time_passes::<L, 4>(&frames, passes, laps);
+        let stream = Stream::default();
         for index in 0..pairs.len() {
             let mut sink = PairSamples {
                 weights: *weights,
@@ -52,11 +53,11 @@ impl<L: Lanes> Worker<L> {
                 index,
                 count: pairs.len(),
                 samples,
+                stream: &stream,
                 coherences: &mut [],
             };
             time_sink(Stage::Samples, &mut sink, &means, run.rows * layout.blocks, laps);
         }
-        L::end_streaming();
     }
 
     /// The two halves of the solution, in a solver as that of the workspace.
