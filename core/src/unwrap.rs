@@ -61,7 +61,7 @@ fn nearest_branch<T: Scalar, const D: usize>(wrapped: T, recent: &[T; D]) -> T {
     // A convex sum falls in one direction at most, and goes on in it.
     let turn = T::from_f64(TAU);
     let falls_below = distance(phase - turn, recent).lt(least);
-    let turn = T::select(falls_below, T::zero() - turn, turn);
+    let turn = T::select(falls_below, -turn, turn);
     loop {
         let moved = phase + turn;
         let sum = distance(moved, recent);

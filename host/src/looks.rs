@@ -157,6 +157,11 @@ impl Product {
         let [p, q] = self.powers;
         if p * q > 0.0 { self.cross.norm_sqr() / (p * q) } else { 0.0 }
     }
+
+    /// The same less what independent pixels have.
+    fn above_chance(&self) -> f64 {
+        self.coherence_squared() - 1.0 / self.pairs.max(1) as f64
+    }
 }
 
 #[cfg(test)]

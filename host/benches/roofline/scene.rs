@@ -65,7 +65,8 @@ impl Scene {
         let kernel = Kernel::new(SIGMA_PX, height, width, false)?;
         let looks = self.coherence.looks_of_kernel(&kernel);
         let begun = cpu_seconds();
-        let fit = self.fit(&plan, looks, path);
+        let (series, survey) = (&self.series, &self.survey);
+        let fit = Fit::of_one_plane(series, survey, &plan, &self.coherence, looks, path);
         let linked = method == Method::Linked;
         let tiles = linked.then(|| fit.tiles(&Progress::hidden())).transpose()?;
         let tiles_s = cpu_seconds() - begun;
@@ -89,21 +90,6 @@ impl Scene {
         let timed = time(&job, repetitions)?;
         let strips = height as f64 / timed.rows as f64;
         Ok(Run { timed, frames, strips, cpu_s, tiles_s })
-    }
-
-    fn fit<'a>(&'a self, plan: &'a Plan, looks: f64, path: Path) -> Fit<'a> {
-        Fit {
-            series: &self.series,
-            survey: &self.survey,
-            plan,
-            coherence: &self.coherence,
-            looks_of_layers: 1.0,
-            looks_of_recordings: 1.0,
-            looks,
-            window_looks: looks,
-            closure: false,
-            path,
-        }
     }
 }
 

@@ -108,18 +108,7 @@ impl Imaging<'_> {
         let effective_looks = self.coherence.looks_of_kernel(&kernel);
         let looks = self.looks.choose(kernel.nominal_looks(), effective_looks);
         let path = Path::best()?;
-        let fit = Fit {
-            series: self.series,
-            survey: self.survey,
-            plan,
-            coherence: self.coherence,
-            looks_of_layers: 1.0,
-            looks_of_recordings: 1.0,
-            looks,
-            window_looks: looks,
-            closure: false,
-            path,
-        };
+        let fit = Fit::of_one_plane(self.series, self.survey, plan, self.coherence, looks, path);
         let linked = plan.method == Method::Linked;
         let tiles = linked.then(|| fit.tiles(&Progress::new(label, fit.steps()))).transpose()?;
         let job = ImageJob {

@@ -102,7 +102,31 @@ pub struct Fit<'a> {
     pub path: Path,
 }
 
-impl Fit<'_> {
+impl<'a> Fit<'a> {
+    /// That of a single depth in one recording, averaged with so many looks; the closure is not tested.
+    #[must_use]
+    pub const fn of_one_plane(
+        series: &'a dyn Series,
+        survey: &'a Survey,
+        plan: &'a Plan,
+        coherence: &'a SpatialCoherence,
+        looks: f64,
+        path: Path,
+    ) -> Self {
+        Self {
+            series,
+            survey,
+            plan,
+            coherence,
+            looks_of_layers: 1.0,
+            looks_of_recordings: 1.0,
+            looks,
+            window_looks: looks,
+            closure: false,
+            path,
+        }
+    }
+
     /// Fit all tiles; one step of progress for each row of them.
     ///
     /// # Errors

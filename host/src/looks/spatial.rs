@@ -263,13 +263,10 @@ fn with_speckle(mut frames: Vec<Vec<Vec<Complex32>>>, width: usize) -> Vec<Vec<V
         frames.retain(lit);
     }
     let common = |fields: &Vec<Vec<Complex32>>| -> f64 {
-        let of = |field: &Vec<Complex32>| -> f64 {
-            let above_chance =
-                |product: Product| product.coherence_squared() - 1.0 / product.pairs.max(1) as f64;
-            [(0, 1), (1, 0)]
-                .map(|(dy, dx)| above_chance(neighbours(field, Lines { width, step: 1 }, dy, dx)))
-                .iter()
-                .sum()
+        let lines = Lines { width, step: 1 };
+        let of = |field: &Vec<Complex32>| {
+            neighbours(field, lines, 0, 1).above_chance()
+                + neighbours(field, lines, 1, 0).above_chance()
         };
         fields.iter().map(of).sum::<f64>() / fields.len().max(1) as f64
     };

@@ -62,7 +62,7 @@ struct Square {
 impl Square {
     fn add(&mut self, product: Product) {
         if product.pairs > 0 {
-            self.agreement += product.coherence_squared() - 1.0 / product.pairs as f64;
+            self.agreement += product.above_chance();
             self.usable = self.usable.max(product.pairs);
             self.pairs += 1;
         }
