@@ -16,8 +16,23 @@ pub struct ArrayMask<const W: usize>([bool; W]);
 impl<const W: usize> Mask for ArrayMask<W> {
     #[inline(always)]
     fn any(self) -> bool {
-        self.0.iter().any(|&lane| lane)
+        let mut any = false;
+        for lane in self.0 {
+            any |= lane;
+        }
+        any
     }
+}
+
+/// An array whose lane `i` is the expression. A loop: of `array::from_fn` and `map` the compiler keeps some as calls.
+macro_rules! lanes {
+    ($start:expr, |$i:ident| $lane:expr) => {{
+        let mut lanes = [$start; W];
+        for $i in 0..W {
+            lanes[$i] = $lane;
+        }
+        lanes
+    }};
 }
 
 macro_rules! operator {
@@ -26,7 +41,7 @@ macro_rules! operator {
             type Output = Self;
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
-                Self(std::array::from_fn(|i| self.0[i].$method(other.0[i])))
+                Self(lanes!(0.0, |i| self.0[i].$method(other.0[i])))
             }
         }
     };
@@ -43,7 +58,7 @@ macro_rules! array_lanes {
             type Output = Self;
             #[inline(always)]
             fn neg(self) -> Self {
-                Self(self.0.map(|lane| -lane))
+                Self(lanes!(0.0, |i| -self.0[i]))
             }
         }
 
@@ -64,7 +79,7 @@ macro_rules! array_lanes {
 
             #[inline(always)]
             fn sqrt(self) -> Self {
-                Self(self.0.map(<$element>::sqrt))
+                Self(lanes!(0.0, |i| self.0[i].sqrt()))
             }
 
             #[inline(always)]
@@ -74,23 +89,23 @@ macro_rules! array_lanes {
 
             #[inline(always)]
             fn abs(self) -> Self {
-                Self(self.0.map(<$element>::abs))
+                Self(lanes!(0.0, |i| self.0[i].abs()))
             }
 
             #[inline(always)]
             fn round(self) -> Self {
                 // So large a number has no digits behind the point.
-                Self(self.0.map(|lane| (lane + $whole) - $whole))
+                Self(lanes!(0.0, |i| (self.0[i] + $whole) - $whole))
             }
 
             #[inline(always)]
             fn lt(self, other: Self) -> Self::Mask {
-                ArrayMask(std::array::from_fn(|i| self.0[i] < other.0[i]))
+                ArrayMask(lanes!(false, |i| self.0[i] < other.0[i]))
             }
 
             #[inline(always)]
             fn select(mask: Self::Mask, yes: Self, no: Self) -> Self {
-                Self(std::array::from_fn(|i| if mask.0[i] { yes.0[i] } else { no.0[i] }))
+                Self(lanes!(0.0, |i| if mask.0[i] { yes.0[i] } else { no.0[i] }))
             }
 
             // Without hardware support a fused multiply-add is a slow library call.
@@ -105,15 +120,13 @@ macro_rules! array_lanes {
             const WIDTH: usize = W;
 
             #[inline(always)]
-            fn rotate_up(mut self) -> Self {
-                self.0.rotate_right(1);
-                self
+            fn rotate_up(self) -> Self {
+                Self(lanes!(0.0, |i| self.0[(i + W - 1) % W]))
             }
 
             #[inline(always)]
-            fn rotate_down(mut self) -> Self {
-                self.0.rotate_left(1);
-                self
+            fn rotate_down(self) -> Self {
+                Self(lanes!(0.0, |i| self.0[(i + 1) % W]))
             }
 
             #[inline(always)]
@@ -132,7 +145,7 @@ macro_rules! array_lanes {
 array_lanes!(f32, angle::atan2, 12_582_912.0);
 array_lanes!(
     f64,
-    |y: Self, x: Self| Self(std::array::from_fn(|i| libm::atan2(y.0[i], x.0[i]))),
+    |y: Self, x: Self| Self(lanes!(0.0, |i| libm::atan2(y.0[i], x.0[i]))),
     6_755_399_441_055_744.0
 );
 
