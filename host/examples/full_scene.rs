@@ -4,18 +4,18 @@
 //! cargo run --release --example full_scene [-- SEEDS [WIDTH HEIGHT]]
 //! ```
 //! Prints, for sigma = lambda/32 and lambda/16, the rms error of the curve over the x at the last frame for
-//! each method (also without the rim of the x, into which the aperture mixes light from outside:
-//! with so many looks that is the larger error), the Cramer-Rao bound of a random walk with as many looks, the amplitude of the
+//! each method (also without the rim of the x, into which the aperture mixes light from outside: with so many looks that
+//! is the larger error; linked phases are those with that light taken off, and with it), the Cramer-Rao bound of a random walk with as many looks, the amplitude of the
 //! field's autocorrelation outside the x, and what the simulation took.
 
 use num_complex::Complex32;
-use phasewalk::curve::{Region, curve};
+use phasewalk::curve::{Region, Selection, curve};
 use phasewalk::error::Result;
 use phasewalk::io::{Shape, without_rim};
-use phasewalk::looks::SpatialCoherence;
+use phasewalk::looks::{PointSpread, SpatialCoherence};
 use phasewalk::method::{Depths, Method, Plan};
 use phasewalk::progress::Progress;
-use phasewalk::series::{HeldSeries, Survey, survey};
+use phasewalk::series::{HeldSeries, survey};
 use phasewalk::simulate::{SpeckleScene, coherence_at_lags};
 use phasewalk_core::weights::Weighting;
 use std::time::Instant;
@@ -23,12 +23,14 @@ use std::time::Instant;
 const LAGS: [usize; 5] = [1, 2, 5, 10, 20];
 /// Pixels taken off the mask's edge, into which the aperture mixes light from outside, for the second error.
 const RIM: usize = 4;
-const METHODS: [(&str, Method); 5] = [
-    ("direct", Method::Direct),
-    ("one-step", Method::OneStep),
-    ("paper", Method::Paper(Weighting::Paper)),
-    ("paper, fisher weights", Method::Paper(Weighting::Fisher)),
-    ("linked", Method::Linked),
+/// Name, method, and whether light from outside of the x is taken off.
+const METHODS: [(&str, Method, bool); 6] = [
+    ("direct", Method::Direct, false),
+    ("one-step", Method::OneStep, false),
+    ("paper", Method::Paper(Weighting::Paper), false),
+    ("paper, fisher weights", Method::Paper(Weighting::Fisher), false),
+    ("linked, leakage kept", Method::Linked, false),
+    ("linked", Method::Linked, true),
 ];
 
 fn main() -> Result<()> {
@@ -76,12 +78,22 @@ impl Summary {
         let truth = scene.true_phase_rad();
         self.truth_rad = truth[scene.frames - 1];
         let inner = without_rim(&mask, scene.width, RIM);
-        for (i, (_, method)) in METHODS.iter().enumerate() {
-            let (phase, sigma) = last_frame(&series, &survey, &mask, *method, effective_looks)?;
-            self.squares[0][i] += (phase - self.truth_rad).powi(2);
-            self.sigmas[i] += sigma;
-            let (phase, _) = last_frame(&series, &survey, &inner, *method, effective_looks)?;
-            self.squares[1][i] += (phase - self.truth_rad).powi(2);
+        let spread = PointSpread::of(&usable);
+        let (valid, width) = (&survey.valid, scene.width);
+        for (i, &(_, method, take_off)) in METHODS.iter().enumerate() {
+            for (region, pixels) in [&mask, &inner].into_iter().enumerate() {
+                let all = Selection::new(valid, pixels, width, None)?;
+                let (selection, looks) = if take_off {
+                    let selection = all.without_leakage(&spread, &mask, valid);
+                    let looks = selection.looks(&usable);
+                    (selection, looks)
+                } else {
+                    (all, effective_looks)
+                };
+                let (phase, sigma) = last_frame(&series, survey.scale, selection, method, looks)?;
+                self.squares[region][i] += (phase - self.truth_rad).powi(2);
+                self.sigmas[i] += if region == 0 { sigma } else { 0.0 };
+            }
         }
         self.add_autocorrelation(&series, scene)
     }
@@ -110,7 +122,7 @@ impl Summary {
             scene.width, scene.height, scene.frames, self.truth_rad
         );
         println!("  bound of a random walk with {looks:.0} looks: {bound:.3} rad");
-        for (i, (method, _)) in METHODS.iter().enumerate() {
+        for (i, (method, ..)) in METHODS.iter().enumerate() {
             let [rms, inner] = self.squares.map(|squares| (squares[i] / n).sqrt());
             let sigma = self.sigmas[i] / n;
             println!(
@@ -142,15 +154,15 @@ fn simulate(scene: &SpeckleScene) -> Result<HeldSeries> {
 /// Phase and standard deviation at the last frame, radians.
 fn last_frame(
     series: &HeldSeries,
-    survey: &Survey,
-    mask: &[bool],
+    scale: f32,
+    selection: Selection,
     method: Method,
     effective_looks: f64,
 ) -> Result<(f64, f64)> {
     let frames = phasewalk::io::Series::shape(series).frames;
     let plan = Plan::new(method, frames, None, None, Depths::single())?;
     let progress = Progress::hidden();
-    let region = Region::read(series, survey, mask, &plan, None, &progress)?;
+    let region = Region::read(series, scale, selection, &plan, &progress)?;
     let looks = match method {
         Method::Paper(Weighting::Fisher) => effective_looks,
         _ => region.pixels() as f64,

@@ -1,19 +1,22 @@
 //! Effective looks: how many independent speckles an average holds, estimated from the frames.
 //!
 //! ```text
-//! spatial.rs     how far a speckle reaches, and the looks of a mask, a rectangle, a Gaussian
-//! speckled.rs    where in the image there is speckle at all
-//! recordings.rs  how many independent recordings several ones amount to
+//! spatial.rs       how far a speckle reaches, and the looks of a mask, a rectangle, a Gaussian
+//! point_spread.rs  where the light of a pixel comes from
+//! speckled.rs      where in the image there is speckle at all
+//! recordings.rs    how many independent recordings several ones amount to
 //! ```
 //! What is measured is measured on the usable pixels of a [`Survey`]: pixels of noise only are independent of each
 //! other whatever the aperture does, so they must not be among them ([`Survey::within`], [`speckled()`]).
 
+mod point_spread;
 mod recordings;
 mod spatial;
 mod speckled;
 #[cfg(test)]
 mod testing;
 
+pub use point_spread::PointSpread;
 pub use recordings::looks_of_recordings;
 pub use spatial::{Block, SpatialCoherence};
 pub use speckled::speckled;

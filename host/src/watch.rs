@@ -24,5 +24,5 @@ pub(crate) mod testing;
 pub use curve::WatchedCurve;
 pub use first::{First, is_usable};
 pub use frames::{Ended, Frames};
-pub use linked::LinkedCurve;
+pub use linked::{LinkedCurve, LinkedSettings};
 pub use paper::{LARGEST_LAG, PaperCurve, PaperSettings};

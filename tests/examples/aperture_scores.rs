@@ -4,9 +4,9 @@
 //! sigma at the last frame +- its standard error, with the looks estimated from the frames and with one for every
 //! pixel.
 
-use phasewalk::curve::{Region, link_region};
+use phasewalk::curve::{Region, Selection, link_region};
 use phasewalk::io::Shape;
-use phasewalk::looks::SpatialCoherence;
+use phasewalk::looks::{PointSpread, SpatialCoherence};
 use phasewalk::method::{Depths, Method, Plan};
 use phasewalk::progress::Progress;
 use phasewalk::series::{HeldSeries, survey};
@@ -76,14 +76,18 @@ fn discs(series: &HeldSeries, radius: f64) -> Vec<Disc> {
         let inside = |i: usize| ((i / SIDE) as f64 - y).hypot((i % SIDE) as f64 - x) < radius;
         let mask: Vec<bool> = (0..SIDE * SIDE).map(inside).collect();
         let silent = Progress::hidden();
-        let region = Region::read(series, &survey, &mask, &plan, None, &silent);
-        let region = region.expect("the disc has pixels");
+        let selection = Selection::new(&survey.valid, &mask, SIDE, None);
+        let selection = selection.expect("the disc has pixels");
+        let spread = PointSpread::of(&coherence);
+        let selection = selection.without_leakage(&spread, &mask, &survey.valid);
+        let effective_looks = selection.looks(&coherence);
+        let region = Region::read(series, survey.scale, selection, &plan, &silent);
+        let region = region.expect("it is in memory");
         let score = |looks: f64| {
             let linked = link_region(&region, &plan, looks, &silent).expect("there is memory");
             let end = linked.rows.last().expect("there are frames");
             end.phase_rad / end.sigma_rad
         };
-        let effective_looks = coherence.looks_of_mask(&mask, SIDE);
         let pixels = region.pixels();
         let (effective, nominal) = (score(effective_looks), score(pixels as f64));
         Disc { pixels, effective_looks, effective, nominal }

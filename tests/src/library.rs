@@ -1,9 +1,9 @@
 //! The host library's curves and images of a recording.
 
 use crate::recording::Recording;
-use phasewalk::curve::{Region, curve};
+use phasewalk::curve::{Region, Selection, curve};
 use phasewalk::image::{ImageJob, MemoryPlan};
-use phasewalk::io::CurveRow;
+use phasewalk::io::{CurveRow, Series};
 use phasewalk::lanes::Path;
 use phasewalk::method::Plan;
 use phasewalk::progress::Progress;
@@ -19,8 +19,10 @@ pub fn phase_curve(recording: &Recording, mask: &[bool], plan: &Plan, looks: f64
     let series = recording.held();
     let progress = Progress::hidden();
     let survey = survey(&series, &plan.depths.all()).expect("usable pixels");
+    let selection = Selection::new(&survey.valid, mask, series.shape().width, None);
+    let selection = selection.expect("usable pixels of the mask");
     let region =
-        Region::read(&series, &survey, mask, plan, None, &progress).expect("a usable region");
+        Region::read(&series, survey.scale, selection, plan, &progress).expect("a usable region");
     curve(&region, plan, looks, looks, &progress).expect("a curve")
 }
 

@@ -8,6 +8,7 @@ use phasewalk::looks::SpatialCoherence;
 use phasewalk::method::{Depths, Method, Plan};
 use phasewalk::progress::Progress;
 use phasewalk::series::{Survey, survey};
+use phasewalk_tests::npy::load_f64;
 use phasewalk_tests::oct::numbers;
 use phasewalk_tests::oracle::gaussian_mean;
 use phasewalk_tests::program::Bench;
@@ -556,4 +557,36 @@ fn what_cannot_be_linked_is_refused_or_has_no_number() {
     let dark = Recording { shape, field: vec![Complex32::new(0.0, 0.0); 12 * 576] };
     dark.save(&bench.path("D.npy"));
     bench.run("phase D.npy --mask all.npy -o C.csv").refused(1, &["zero"]);
+}
+
+/// Around the x light rests, and the aperture mixes it in. Nothing decorrelates, so it is all that is wrong.
+#[test]
+fn light_from_outside_of_the_mask_is_taken_off() {
+    const SEEDS: u64 = 4;
+    let bench = Bench::new();
+    let (mut kept, mut taken_off) = (0.0, 0.0);
+    for seed in 1..=SEEDS {
+        let scene = "--width 160 --height 92 --frames 12 --scatterers 20 --sigma 0";
+        let _ = bench.succeed(&format!("simulate speckle {scene} --seed {seed} -o F.npy"));
+        let truth = load_f64(&bench.path("F.phase.npy")).1;
+        let reference = truth[..5].iter().sum::<f64>() / 5.0;
+        let phase = |option: &str| {
+            let summary =
+                bench.summary(&format!("phase F.npy --mask F.mask.npy {option} -o C.csv"));
+            let share = &summary["light_from_outside"];
+            let end = rows(&bench, "C.csv")[11][2];
+            (share.as_f64(), end / (truth[11] - reference) - 1.0)
+        };
+        let (share, error) = phase("");
+        assert!(share.is_some_and(|share| (0.05..0.12).contains(&share)), "{share:?}");
+        taken_off += error / SEEDS as f64;
+        let (share, error) = phase("--keep-leakage");
+        assert_eq!(share, None);
+        kept += error / SEEDS as f64;
+    }
+    assert!(kept < -0.03 && taken_off.abs() < 0.3 * kept.abs(), "{kept} {taken_off}");
+
+    let refused = |line: &str| bench.run(line).refused(2, &["--keep-leakage", "--mask", "linked"]);
+    refused("phase F.npy --gaussian 3 --keep-leakage -o P.npy");
+    refused("phase F.npy --mask F.mask.npy --method paper --keep-leakage -o P.csv");
 }

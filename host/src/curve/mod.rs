@@ -2,19 +2,24 @@
 //!
 //! | file | what it holds |
 //! |---|---|
-//! | `region` | the pixels of the mask, and averages over them |
+//! | `selection` | the pixels of the mask, in the order of their sub-windows |
+//! | `leakage` | light from outside of the mask, and what takes it off |
+//! | `region` | the fields of the pixels, and averages over them |
 //! | `estimate` | direct difference, one-step walk, the paper's least squares |
 //! | `linked` | maximum likelihood with a fitted coherence |
 //! | `layers` | how exact that is for the difference of two layers |
 
 mod estimate;
 mod layers;
+mod leakage;
 mod linked;
 mod region;
+mod selection;
 
 pub(crate) use linked::link;
 pub use linked::{Linked, link_region, window_looks};
 pub use region::Region;
+pub use selection::Selection;
 
 use crate::error::Result;
 use crate::io::CurveRow;

@@ -1,13 +1,13 @@
 //! The pixels of a mask, all frames, in memory, and the ensemble averages over them.
 
+use super::selection::{Selection, Window};
 use crate::allocate::{reserve, zeros};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::io::{Series, Shape};
 use crate::looks::Block;
 use crate::method::Plan;
 use crate::planes::Layers;
 use crate::progress::Progress;
-use crate::series::Survey;
 use num_complex::{Complex, Complex32, Complex64};
 use phasewalk_core::cross_spectrum::cross_spectrum;
 use phasewalk_core::ensemble::{Ensemble, PairMean};
@@ -23,84 +23,47 @@ pub struct WindowedPair {
     pub squares: [f64; 2],
 }
 
-/// The fields of the pixels of a mask, all frames and recordings, in memory.
+/// The fields of the selected pixels, all frames and recordings, in memory.
 pub struct Region {
     /// (frame, depth, pixel).
     fields: Vec<Complex32>,
-    pixels: usize,
+    selection: Selection,
     depths: usize,
-    /// What the sub-windows are.
-    window: Option<Block>,
     /// Of every recording.
     layers: Vec<Layers>,
-    /// Where each sub-window ends in the order of the pixels.
-    window_ends: Vec<usize>,
-    /// Pixels of the mask that had to be left out.
-    pub left_out: usize,
 }
 
 impl Region {
-    /// Bytes a region of so many pixels takes.
-    #[must_use]
-    pub fn bytes(pixels: usize, frames: usize, depths: usize) -> u64 {
-        (pixels * frames * depths * size_of::<Complex32>()) as u64
-    }
-
-    /// Read the usable pixels of `mask` (y, x), ordered by sub-windows, or row by row without.
+    /// Read the selected pixels.
     ///
     /// # Errors
-    /// When none is usable, the series cannot be read, or the user interrupts.
+    /// When the series cannot be read, memory is short, or the user interrupts.
     pub fn read(
         series: &dyn Series,
-        survey: &Survey,
-        mask: &[bool],
+        scale: f32,
+        selection: Selection,
         plan: &Plan,
-        window: Option<Block>,
         progress: &Progress,
     ) -> Result<Self> {
         let Shape { frames, height, width, .. } = series.shape();
-        let mut chosen: Vec<usize> =
-            (0..height * width).filter(|&i| mask[i] && survey.valid[i]).collect();
-        let asked = mask.iter().filter(|&&m| m).count();
-        if chosen.is_empty() {
-            return Err(Error::failed(format!(
-                "none of the {asked} pixels of the mask is usable (not finite, or zero in all frames)"
-            )));
-        }
-        let square = |&i: &usize| {
-            window.map(|Block { sides, .. }| (i / width / sides[0], i % width / sides[1]))
-        };
-        chosen.sort_by_key(square);
-        let same = |a: &usize, b: &usize| square(a) == square(b);
-        let window_ends = chosen.chunk_by(same).scan(0, |end, square| {
-            *end += square.len();
-            Some(*end)
-        });
         let depths = plan.depths.all();
-        let mut fields = reserve(chosen.len() * frames * depths.len(), "the pixels of the mask")?;
+        let numbers = selection.held() * frames * depths.len();
+        let mut fields = reserve(numbers, "the pixels of the mask")?;
         let mut image = zeros(height * width, "one frame")?;
         for frame in 0..frames {
             for &depth in &depths {
                 series.read_rows(frame, depth, 0..height, &mut image)?;
-                fields.extend(chosen.iter().map(|&i| image[i] * survey.scale));
+                fields.extend(selection.of_image(&image, scale));
             }
             progress.advance(1)?;
         }
-        Ok(Self {
-            fields,
-            pixels: chosen.len(),
-            depths: depths.len(),
-            window,
-            layers: plan.depths.layers(),
-            window_ends: window_ends.collect(),
-            left_out: asked - chosen.len(),
-        })
+        Ok(Self { fields, selection, depths: depths.len(), layers: plan.depths.layers() })
     }
 
     /// Number of pixels used.
     #[must_use]
     pub fn pixels(&self) -> usize {
-        self.pixels
+        self.selection.pixels()
     }
 
     /// ⟨C(t,s-t)⟩ and ⟨C/|C|⟩ over pixels and recordings; `powers` as [`Self::powers`] gives them.
@@ -108,7 +71,7 @@ impl Region {
     pub fn pair_mean(&self, t: usize, s: usize, powers: &[f64]) -> PairMean<f64> {
         let mut ensemble = Ensemble::new();
         for layers in &self.layers {
-            for pixel in 0..self.pixels {
+            for pixel in 0..self.pixels() {
                 ensemble.add(self.cross_spectrum(layers, t, s, pixel));
             }
         }
@@ -118,10 +81,10 @@ impl Region {
     /// ⟨C(t,0)⟩ of every frame.
     #[must_use]
     pub fn powers(&self) -> Vec<f64> {
-        let frames = self.fields.len() / (self.pixels * self.depths);
+        let frames = self.fields.len() / (self.selection.held() * self.depths);
         let mean = |t: usize| {
             let power = |layers: &Layers| -> f64 {
-                (0..self.pixels).map(|pixel| self.cross_spectrum(layers, t, t, pixel).re).sum()
+                (0..self.pixels()).map(|pixel| self.cross_spectrum(layers, t, t, pixel).re).sum()
             };
             self.layers.iter().map(power).sum::<f64>() / self.members()
         };
@@ -130,7 +93,7 @@ impl Region {
 
     /// Pixels of all recordings: what the averages are taken over.
     fn members(&self) -> f64 {
-        (self.pixels * self.layers.len()) as f64
+        (self.pixels() * self.layers.len()) as f64
     }
 
     /// Averages of the pair over the sub-windows of all recordings: of one layer ⟨C⟩; of two layers the mean over the
@@ -139,11 +102,11 @@ impl Region {
     #[must_use]
     pub fn windowed_pair(&self, t: usize, s: usize) -> WindowedPair {
         let mut pair = WindowedPair::default();
-        for window in self.windows() {
-            let pixels = window.len() as f64;
+        for window in &self.selection.windows {
+            let pixels = window.inside.len() as f64;
             for layers in &self.layers {
-                let both = layers.both().map(|planes| self.sum_of_layer(t, s, planes, &window));
-                if self.is_full(&window) {
+                let both = layers.both().map(|planes| self.sum_of_layer(t, s, planes, window));
+                if self.is_full(window) {
                     for (square, layer) in pair.squares.iter_mut().zip(both) {
                         *square += (layer / pixels).norm_sqr();
                     }
@@ -160,11 +123,11 @@ impl Region {
     /// ⟨|U(t)|^2⟩ of a layer in each full sub-window of each recording.
     #[must_use]
     pub fn window_powers(&self, t: usize, layer: usize) -> Vec<f64> {
-        let full = self.windows().filter(|window| self.is_full(window));
+        let full = self.selection.windows.iter().filter(|window| self.is_full(window));
         full.flat_map(|window| {
             let power = move |layers: &Layers| {
                 let planes = layers.both()[layer].clone();
-                self.sum_of_layer(t, t, planes, &window).re / window.len() as f64
+                self.sum_of_layer(t, t, planes, window).re / window.inside.len() as f64
             };
             self.layers.iter().map(power)
         })
@@ -174,35 +137,27 @@ impl Region {
     /// The sub-windows that the region was read with; without any, the whole region as one.
     #[must_use]
     pub fn window(&self) -> Option<Block> {
-        self.window
+        self.selection.window
     }
 
     /// Has the sub-window at least half of its pixels?
-    fn is_full(&self, pixels: &Range<usize>) -> bool {
-        self.window.is_none_or(|window| 2 * pixels.len() >= window.pixels())
+    fn is_full(&self, Window { inside, .. }: &Window) -> bool {
+        self.window().is_none_or(|window| 2 * inside.len() >= window.pixels())
     }
 
-    /// The pixels of each sub-window.
-    fn windows(&self) -> impl Iterator<Item = Range<usize>> + '_ {
-        let starts = std::iter::once(&0).chain(&self.window_ends);
-        starts.zip(&self.window_ends).map(|(&start, &end)| start..end)
-    }
-
-    /// Sum of U(t) conj U(s) over pixels and depths of a layer.
-    fn sum_of_layer(
-        &self,
-        t: usize,
-        s: usize,
-        zs: Range<usize>,
-        pixels: &Range<usize>,
-    ) -> Complex64 {
-        zs.map(|z| self.sum_of_pixels(t, s, z, pixels.clone())).sum()
+    /// Sum of U(t) conj U(s) over pixels and depths of a layer, less that over what is outside.
+    fn sum_of_layer(&self, t: usize, s: usize, zs: Range<usize>, of: &Window) -> Complex64 {
+        let sum = |z: usize| {
+            self.sum_of_pixels(t, s, z, of.inside.clone())
+                - self.sum_of_pixels(t, s, z, of.outside.clone())
+        };
+        zs.map(sum).sum()
     }
 
     /// Sum of U(t) conj U(s) over pixels of one depth.
     fn sum_of_pixels(&self, t: usize, s: usize, z: usize, pixels: Range<usize>) -> Complex64 {
         let of = |frame: usize| {
-            let start = (frame * self.depths + z) * self.pixels;
+            let start = (frame * self.depths + z) * self.selection.held();
             &self.fields[start + pixels.start..start + pixels.end]
         };
         let (mut re, mut im) = (0.0, 0.0);
@@ -230,7 +185,7 @@ impl Region {
 
     #[inline(always)]
     fn field(&self, frame: usize, z: usize, pixel: usize) -> Complex64 {
-        let u = self.fields[(frame * self.depths + z) * self.pixels + pixel];
+        let u = self.fields[(frame * self.depths + z) * self.selection.held() + pixel];
         Complex { re: f64::from(u.re), im: f64::from(u.im) }
     }
 }

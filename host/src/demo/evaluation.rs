@@ -2,7 +2,7 @@
 
 use super::recording::Recording;
 use super::setup::Setup;
-use crate::curve::{Region, curve};
+use crate::curve::{Region, Selection, curve};
 use crate::error::Result;
 use crate::image::{Images, Imaging};
 use crate::io::CurveRow;
@@ -76,9 +76,11 @@ impl<'a> Evaluation<'a> {
     /// # Errors
     /// The user's interruption.
     pub fn region(&self) -> Result<Region> {
-        let Recording { series, mask, .. } = self.recording;
+        let Recording { scene, series, mask, .. } = self.recording;
+        let Survey { valid, scale, .. } = &self.survey;
+        let selection = Selection::new(valid, mask, scene.width, None)?;
         let plan = self.plan(Method::OneStep)?;
-        Region::read(series, &self.survey, mask, &plan, None, &Progress::hidden())
+        Region::read(series, *scale, selection, &plan, &Progress::hidden())
     }
 
     /// The phase of the x over time.

@@ -116,7 +116,22 @@ impl SpatialCoherence {
         rim.fold(0.0, |max, (_, _, s)| s.max(max))
     }
 
-    fn distances(&self) -> impl Iterator<Item = (isize, isize, f64)> + '_ {
+    /// |mu|^2 as a function of (dy, dx), as far as `reach`.
+    #[cfg(test)]
+    pub(crate) fn from_function(reach: isize, squared: impl Fn(isize, isize) -> f64) -> Self {
+        let mut of =
+            Self { reach: [reach; 2], squared: vec![0.0; (2 * reach as usize + 1).pow(2)] };
+        of.squared = of.distances().map(|(dy, dx, _)| squared(dy, dx)).collect();
+        of
+    }
+
+    /// How far it is known along y and x, pixels.
+    pub(super) fn reach(&self) -> [isize; 2] {
+        self.reach
+    }
+
+    /// (dy, dx, |mu|^2).
+    pub(super) fn distances(&self) -> impl Iterator<Item = (isize, isize, f64)> + '_ {
         let [tall, wide] = self.reach.map(|reach| 2 * reach + 1);
         (0..tall * wide)
             .zip(&self.squared)
@@ -126,19 +141,26 @@ impl SpatialCoherence {
     /// Effective looks of the mean over a mask (y, x).
     #[must_use]
     pub fn looks_of_mask(&self, mask: &[bool], width: usize) -> f64 {
-        let chosen: Vec<usize> = (0..mask.len()).filter(|&i| mask[i]).collect();
-        let count = chosen.len() as f64;
-        let height = mask.len() / width;
-        let partners = |dy: isize, dx: isize| {
-            let inside = |&&i: &&usize| {
+        let weights: Vec<f64> = mask.iter().map(|&m| f64::from(u8::from(m))).collect();
+        self.looks_of_weights(&weights, width)
+    }
+
+    /// Effective looks of the mean with these weights (y, x), some of which may be negative.
+    #[must_use]
+    pub fn looks_of_weights(&self, weights: &[f64], width: usize) -> f64 {
+        let chosen: Vec<usize> = (0..weights.len()).filter(|&i| weights[i] != 0.0).collect();
+        let sum: f64 = chosen.iter().map(|&i| weights[i]).sum();
+        let height = weights.len() / width;
+        let partners = |dy: isize, dx: isize| -> f64 {
+            let partner = |&i: &usize| {
                 let (y, x) = ((i / width) as isize + dy, (i % width) as isize + dx);
                 let contained =
                     (0..height as isize).contains(&y) && (0..width as isize).contains(&x);
-                contained && mask[(y as usize) * width + x as usize]
+                if contained { weights[i] * weights[y as usize * width + x as usize] } else { 0.0 }
             };
-            chosen.iter().filter(inside).count() as f64
+            chosen.iter().map(partner).sum()
         };
-        self.looks_of(|dy, dx| partners(dy, dx) / (count * count))
+        self.looks_of(|dy, dx| partners(dy, dx) / (sum * sum))
     }
 
     /// The smallest square whose mean has at least `looks` independent looks, where each pixel counts as `of_pixel` looks

@@ -8,7 +8,7 @@
 use super::estimators::plan;
 use super::sample::Draw;
 use super::{Scenario, Score, Scores};
-use crate::curve::{Region, link_region, window_looks};
+use crate::curve::{Region, Selection, link_region, window_looks};
 use crate::error::Result;
 use crate::io::{Series, Shape};
 use crate::looks::SpatialCoherence;
@@ -96,7 +96,8 @@ fn estimate(scenario: &Scenario, series: &HeldSeries) -> Result<(Vec<f64>, Vec<f
     let looks = coherence.looks_of_mask(&mask, side);
     let window = coherence.block_of_looks(window_looks(looks), 1.0, series.shape());
     let silent = Progress::hidden();
-    let region = Region::read(series, &survey, &mask, &plan, Some(window), &silent)?;
+    let selection = Selection::new(&survey.valid, &mask, side, Some(window))?;
+    let region = Region::read(series, survey.scale, selection, &plan, &silent)?;
     let rows = link_region(&region, &plan, looks, &silent)?.rows;
     Ok(rows.iter().map(|row| (row.phase_rad, row.sigma_rad)).unzip())
 }

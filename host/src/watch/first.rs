@@ -1,9 +1,10 @@
 //! What the first usable frame tells: which pixels there are, how bright they are, and how many of them count.
 
+use crate::curve::Selection;
 use crate::error::Result;
 use crate::image::Kernel;
 use crate::io::{Series, Shape};
-use crate::looks::SpatialCoherence;
+use crate::looks::{PointSpread, SpatialCoherence};
 use crate::series::{HeldSeries, Survey, survey};
 use num_complex::Complex32;
 
@@ -62,6 +63,22 @@ impl First {
         let within = self.survey.within(mask);
         let coherence = SpatialCoherence::estimate(&self.series, &within, &[0])?;
         Ok(coherence.looks_of_mask(&within.valid, self.series.shape().width))
+    }
+
+    /// The pixels of the mask, with the light from outside of it taken off or left in, and how many independent looks
+    /// they are.
+    ///
+    /// # Errors
+    /// When none is usable, or the user interrupts.
+    pub fn select(&self, mask: &[bool], keep_leakage: bool) -> Result<(Selection, f64)> {
+        let valid = &self.survey.valid;
+        let mut selection = Selection::new(valid, mask, self.series.shape().width, None)?;
+        let coherence = SpatialCoherence::estimate(&self.series, &self.survey.within(mask), &[0])?;
+        if !keep_leakage {
+            selection = selection.without_leakage(&PointSpread::of(&coherence), mask, valid);
+        }
+        let looks = selection.looks(&coherence);
+        Ok((selection, looks))
     }
 
     /// Independent looks of the mean under a Gaussian.

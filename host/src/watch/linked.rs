@@ -1,19 +1,35 @@
 //! The curve of a region by phase linking, frame by frame: the core's tracker, with the fields on the heap.
 
 use super::curve::WatchedCurve;
-use super::first::{First, scaled};
+use super::first::{First, is_finite};
 use super::paper::chosen;
+use crate::curve::Selection;
 use crate::error::Result;
-use crate::io::CurveRow;
+use crate::io::{CurveRow, without_rim};
 use crate::looks::Looks;
 use num_complex::{Complex32, Complex64};
 use phasewalk_core::tracker::{Absorb, Estimate, NODES, Tracker, TrackerSettings};
 use rayon::prelude::*;
 use std::collections::VecDeque;
+use std::ops::Range;
+
+/// Light from outside of the mask is taken off by pixels that are hardly ever further from it.
+const AROUND: usize = 12;
+
+/// Parameters of [`LinkedCurve`].
+#[derive(Clone, Copy, Debug)]
+pub struct LinkedSettings {
+    /// Looks of the coherence and the standard deviations.
+    pub looks: Looks,
+    /// Is light from outside of the mask left in?
+    pub keep_leakage: bool,
+    /// Are the final estimates kept?
+    pub history: bool,
+}
 
 /// The curve by phase linking, with a window of 16 frames and the anchor.
 pub struct LinkedCurve {
-    chosen: Vec<usize>,
+    selection: Selection,
     scale: f32,
     looks: f64,
     tracker: Box<Tracker<f64, NODES>>,
@@ -26,14 +42,15 @@ pub struct LinkedCurve {
 }
 
 impl LinkedCurve {
-    /// A curve of the pixels of the mask (y, x), none of whose frames has been taken; the final estimates are kept for
-    /// a `history`.
+    /// A curve of the pixels of the mask (y, x), none of whose frames has been taken.
     ///
     /// # Errors
     /// When no pixel is usable, or there are too few looks.
-    pub fn new(first: &First, mask: &[bool], looks: Looks, history: bool) -> Result<Self> {
-        let chosen = chosen(first, mask)?;
-        let looks = looks.choose(chosen.len() as f64, first.looks_of(mask)?);
+    pub fn new(first: &First, mask: &[bool], settings: LinkedSettings) -> Result<Self> {
+        let _ = chosen(first, mask)?;
+        let LinkedSettings { looks, keep_leakage, history } = settings;
+        let (selection, effective) = first.select(mask, keep_leakage)?;
+        let looks = looks.choose(selection.pixels() as f64, effective);
         Ok(Self {
             scale: first.scale(),
             looks,
@@ -41,7 +58,7 @@ impl LinkedCurve {
             nodes: VecDeque::with_capacity(NODES),
             waiting: VecDeque::with_capacity(NODES),
             history: history.then(Vec::new),
-            chosen,
+            selection,
         })
     }
 
@@ -51,9 +68,12 @@ impl LinkedCurve {
         self.looks
     }
 
-    /// Bytes for a region of so many pixels, and for each frame of a history.
+    /// Bytes for a region of this mask (y, x) and what is around it, and for each frame of a history.
     #[must_use]
-    pub fn bytes(pixels: usize, history: bool) -> [u64; 2] {
+    pub fn bytes(mask: &[bool], width: usize, history: bool) -> [u64; 2] {
+        let elsewhere: Vec<bool> = mask.iter().map(|inside| !inside).collect();
+        let far = without_rim(&elsewhere, width, AROUND);
+        let pixels = far.iter().filter(|&&far| !far).count();
         let fields = (NODES + 1) * pixels * size_of::<Complex64>();
         let frame = if history { size_of::<CurveRow>() } else { 0 };
         [(fields + size_of::<Tracker<f64, NODES>>()) as u64, frame as u64]
@@ -93,14 +113,16 @@ impl WatchedCurve for LinkedCurve {
     fn push(&mut self, frame: usize, field: &[Complex32]) -> CurveRow {
         let absorb = self.tracker.absorb();
         self.follow(&absorb);
-        let pixel = |&i: &usize| {
-            let u = scaled(field[i], self.scale);
+        let pixel = |u: Complex32| {
+            let u = if is_finite(&u) { u } else { Complex32::default() };
             Complex64::new(f64::from(u.re), f64::from(u.im))
         };
-        let mut field: Vec<Complex64> = self.chosen.iter().map(pixel).collect();
-        let power = make_unit(&mut field);
+        let mut field: Vec<Complex64> =
+            self.selection.of_image(field, self.scale).map(pixel).collect();
+        let inside = self.selection.pixels();
+        let power = make_unit(&mut field, inside);
         let correlations: Vec<Complex64> =
-            self.nodes.par_iter().map(|node| correlation(&field, node)).collect();
+            self.nodes.par_iter().map(|node| correlation(&field, node, inside)).collect();
         let estimate = self.tracker.push(&correlations, power, frame as f64);
         self.nodes.push_back(field);
         self.waiting.push_back(frame);
@@ -120,7 +142,7 @@ impl WatchedCurve for LinkedCurve {
     }
 
     fn pixels(&self) -> usize {
-        self.chosen.len()
+        self.selection.pixels()
     }
 }
 
@@ -135,8 +157,8 @@ fn row(number: usize, estimate: &Estimate<f64>, looks: f64) -> CurveRow {
 }
 
 /// Scale the field so that its squares sum to 1; a dark one stays dark. The sum of the squares, 1 or 0.
-fn make_unit(field: &mut [Complex64]) -> f64 {
-    let power = correlation(field, field).re;
+fn make_unit(field: &mut [Complex64], inside: usize) -> f64 {
+    let power = correlation(field, field, inside).re;
     if power < f64::from(f32::MIN_POSITIVE) {
         field.fill(Complex64::default());
         return 0.0;
@@ -148,9 +170,12 @@ fn make_unit(field: &mut [Complex64]) -> f64 {
     1.0
 }
 
-/// Sum of u conj v.
-fn correlation(u: &[Complex64], v: &[Complex64]) -> Complex64 {
-    u.iter().zip(v).map(|(u, v)| u * v.conj()).sum()
+/// Sum of u conj v over the pixels inside, less that over what is behind them.
+fn correlation(u: &[Complex64], v: &[Complex64], inside: usize) -> Complex64 {
+    let sum = |of: Range<usize>| -> Complex64 {
+        u[of.clone()].iter().zip(&v[of]).map(|(u, v)| u * v.conj()).sum()
+    };
+    sum(0..inside) - sum(inside..u.len())
 }
 
 #[cfg(test)]
@@ -166,8 +191,9 @@ mod tests {
     fn it_is_the_cores_tracker() {
         let frames = frames(60, PIXELS, 0.95, |frame, _| 0.3 * frame as f32);
         let first = First::of(&frames[0], 8, PIXELS / 8).unwrap();
-        let mut curve =
-            LinkedCurve::new(&first, &[true; PIXELS], Looks::Number(90.0), true).unwrap();
+        let looks = Looks::Number(90.0);
+        let settings = LinkedSettings { looks, keep_leakage: false, history: true };
+        let mut curve = LinkedCurve::new(&first, &[true; PIXELS], settings).unwrap();
         let settings = TrackerSettings::for_looks(90.0, 1.0);
         let mut core = FieldTracker::<f64, PIXELS, NODES>::new(settings).unwrap();
         let mut smoothed = Vec::new();

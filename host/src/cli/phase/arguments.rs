@@ -43,9 +43,16 @@ pub(in crate::cli) struct Arguments {
     #[arg(long, value_name = "M2.npy")]
     pub(super) control: Option<PathBuf>,
     /// Leave out the pixels of both masks within so many rows and columns of their edge: there the aperture mixes
-    /// light from the other side in, and a phase that others do not share comes out too small
+    /// light from the other side in, and a phase that others do not share comes out too small (method linked takes
+    /// that light off)
     #[arg(long, value_name = "PX", default_value_t = 0, allow_negative_numbers = true)]
     pub(super) rim: usize,
+    /// Keep the light that the aperture mixes in from outside of the mask (curves of method linked)
+    ///
+    /// How far light spreads is seen in the speckle. Otherwise the cross-spectrum of the pixels around the mask is
+    /// subtracted, with the weight that it has inside; the result's light_from_outside is that share.
+    #[arg(long)]
+    pub(super) keep_leakage: bool,
     /// Images: average with a Gaussian of this standard deviation, in pixels (periodic edges)
     ///
     /// Of method linked a .zarr result also holds closure_p, for each pixel the chance of such closure phases if
@@ -311,6 +318,12 @@ impl Arguments {
         if self.mask.is_none() && self.rim > 0 {
             return Err(Error::usage(
                 "--rim is for curves: leave it out, or give --mask for --gaussian",
+            ));
+        }
+        if self.keep_leakage && (self.mask.is_none() || self.method != MethodName::Linked) {
+            return Err(Error::usage(
+                "--keep-leakage is for curves (--mask) of --method linked, which alone takes that light off: leave it \
+                 out",
             ));
         }
         if !self.at.is_empty() && (self.mask.is_some() || self.figure.is_none()) {

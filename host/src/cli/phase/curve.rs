@@ -3,11 +3,11 @@
 use super::figure::FigureFile;
 use super::{AddedLooks, Task, check_looks, closure};
 use crate::cli::print;
-use crate::curve::{Linked, Region, curve, link_region, subtract, window_looks};
+use crate::curve::{Linked, Region, Selection, curve, link_region, subtract, window_looks};
 use crate::error::{Error, Result};
 use crate::figures::{Canvas, PhaseCurve};
 use crate::io::{CurveRow, Series, Shape, read_mask, without_rim, write_curve};
-use crate::looks::Block;
+use crate::looks::PointSpread;
 use crate::method::{Method, Plan};
 use crate::notes;
 use crate::progress::Progress;
@@ -22,9 +22,9 @@ const BRIDGED_RAD: f64 = 100.0;
 impl Task<'_> {
     pub(super) fn curve(&self, path: &Path) -> Result<()> {
         let Shape { height, width, .. } = self.good.shape();
-        let mask = self.inner(read_mask(path, height, width)?, path)?;
+        let mask = self.masks(read_mask(path, height, width)?, path)?;
         let control = match &self.arguments.control {
-            Some(path) => Some((self.inner(read_control(path, &mask, width)?, path)?, path)),
+            Some(path) => Some((self.masks(read_control(path, &mask.inner, width)?, path)?, path)),
             None => None,
         };
         let figure = self.arguments.figure.as_deref().map(FigureFile::create).transpose()?;
@@ -41,12 +41,12 @@ impl Task<'_> {
         self.finish(&survey, &result, control.as_ref(), figure)
     }
 
-    /// The mask without the rim that `--rim` takes off.
-    fn inner(&self, mask: Vec<bool>, path: &Path) -> Result<Vec<bool>> {
+    /// The mask, and what is left without the rim that `--rim` takes off.
+    fn masks(&self, drawn: Vec<bool>, path: &Path) -> Result<Masks> {
         let rim = self.arguments.rim;
-        let inner = without_rim(&mask, self.good.shape().width, rim);
+        let inner = without_rim(&drawn, self.good.shape().width, rim);
         if inner.contains(&true) {
-            return Ok(inner);
+            return Ok(Masks { drawn, inner });
         }
         let what = "no pixel is left: take a smaller one";
         Err(Error::file(path, format!("--rim {rim}: {what}")))
@@ -73,6 +73,9 @@ impl Task<'_> {
         let has_phase = |t: usize| result.rows[t].phase_rad.is_finite();
         facts.insert("reference_frames".to_owned(), self.reference_frames(has_phase));
         facts.insert("pixels_left_out".to_owned(), json!(result.left_out));
+        if let Some(leakage) = result.leakage {
+            facts.insert("light_from_outside".to_owned(), json!(leakage));
+        }
         if let Some(control) = control {
             facts.insert("control_pixels".to_owned(), json!(control.pixels));
         }
@@ -181,6 +184,14 @@ fn read_control(path: &Path, mask: &[bool], width: usize) -> Result<Vec<bool>> {
     Ok(control)
 }
 
+/// Of a region, (y, x).
+struct Masks {
+    /// As it was drawn: what moves as one.
+    drawn: Vec<bool>,
+    /// The pixels that are averaged.
+    inner: Vec<bool>,
+}
+
 /// What the curves of all regions start from.
 struct Ground<'a> {
     task: &'a Task<'a>,
@@ -188,27 +199,38 @@ struct Ground<'a> {
 }
 
 impl Ground<'_> {
-    /// Independent looks of the pixels that can be used, what depths and recordings add to them, and the sub-windows
-    /// that linked phases of two layers need.
-    fn looks(&self, usable: &Survey) -> Result<(f64, AddedLooks, Option<Block>)> {
-        let Task { good, plan, .. } = self.task;
-        let coherence = self.task.coherence(usable)?;
-        let added = self.task.added_looks(usable, &coherence)?;
-        let looks = coherence.looks_of_mask(&usable.valid, good.shape().width);
-        let two = plan.method == Method::Linked && plan.depths.has_two_layers();
+    /// The pixels of the mask, and how many independent looks they are; with what depths and recordings add to them.
+    fn select(&self, masks: &Masks) -> Result<(Selection, f64, AddedLooks)> {
+        let Task { arguments, good, plan, .. } = self.task;
+        let width = good.shape().width;
+        let usable = self.survey.within(&masks.inner);
+        let coherence = self.task.coherence(&usable)?;
+        let added = self.task.added_looks(&usable, &coherence)?;
+        let linked = plan.method == Method::Linked;
+        let looks = coherence.looks_of_mask(&usable.valid, width);
         let wanted = window_looks(looks * added.depths);
-        let window = two.then(|| coherence.block_of_looks(wanted, added.depths, good.shape()));
-        Ok((looks, added, window))
+        let window = (linked && plan.depths.has_two_layers())
+            .then(|| coherence.block_of_looks(wanted, added.depths, good.shape()));
+        let valid = &self.survey.valid;
+        let mut selection = Selection::new(valid, &masks.inner, width, window)?;
+        if linked && !arguments.keep_leakage {
+            let spread = PointSpread::of(&coherence);
+            selection = selection.without_leakage(&spread, &masks.drawn, valid);
+        }
+        let looks = selection.looks(&coherence);
+        Ok((selection, looks, added))
     }
 
     /// The curve of the region that `flag` asked for, and the direct difference for the figure.
-    fn evaluate(&self, name: &str, mask: &[bool], path: &Path, flag: &str) -> Result<Evaluated> {
+    fn evaluate(&self, name: &str, masks: &Masks, path: &Path, flag: &str) -> Result<Evaluated> {
         let Task { arguments, good, plan, .. } = self.task;
         let frames = good.shape().frames;
         let progress = Progress::new(name, 2 * frames as u64);
-        let (pixel_looks, added, window) = self.looks(&self.survey.within(mask))?;
-        let region = Region::read(good, self.survey, mask, plan, window, &progress)
-            .map_err(|error| error.about(path))?;
+        let (selection, pixel_looks, added) =
+            self.select(masks).map_err(|error| error.about(path))?;
+        let bytes = selection.bytes(frames, plan.depths.all().len());
+        let (left_out, leakage) = (selection.left_out(), selection.leakage());
+        let region = Region::read(good, self.survey.scale, selection, plan, &progress)?;
         let effective_looks = pixel_looks * added.product();
         let nominal = (region.pixels() * arguments.series.len()) as f64;
         let looks = arguments.looks().choose(nominal, effective_looks);
@@ -229,15 +251,12 @@ impl Ground<'_> {
             linked,
             direct: direct.transpose()?,
             pixels: region.pixels(),
-            left_out: region.left_out,
+            left_out,
+            leakage,
             looks,
             effective_looks,
             recordings: added.recordings,
-            bytes: Region::bytes(
-                mask.iter().filter(|&&m| m).count(),
-                frames,
-                plan.depths.all().len(),
-            ),
+            bytes,
         })
     }
 }
@@ -249,6 +268,8 @@ struct Evaluated {
     direct: Option<Vec<CurveRow>>,
     pixels: usize,
     left_out: usize,
+    /// Share of the light that came from outside of the mask, where it was taken off.
+    leakage: Option<f64>,
     looks: f64,
     effective_looks: f64,
     /// How many independent recordings those that there are amount to.
@@ -271,6 +292,9 @@ impl Evaluated {
         } else {
             String::new()
         };
-        format!("{} pixels{left_out}", self.pixels)
+        let leakage = self.leakage.map_or_else(String::new, |share| {
+            format!(", {:.1} % of their light, from outside, taken off", 100.0 * share)
+        });
+        format!("{} pixels{left_out}{leakage}", self.pixels)
     }
 }

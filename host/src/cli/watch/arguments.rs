@@ -33,6 +33,9 @@ pub(in crate::cli) struct Arguments {
     /// Curve: average over the pixels of this mask (y, x), true or non-zero inside
     #[arg(long, value_name = "M.npy")]
     pub(super) mask: Option<PathBuf>,
+    /// Keep the light that the aperture mixes in from outside of the mask (curves of method linked), see `phase --help`
+    #[arg(long)]
+    pub(super) keep_leakage: bool,
     /// Images: average with a Gaussian of this standard deviation, in pixels (periodic edges)
     ///
     /// Each pixel's newest phase is put where its pairs with the L frames before want it, their phases being held; the
@@ -143,6 +146,12 @@ impl Arguments {
             return Err(Error::usage(
                 "--max-lag belongs to --method paper: add it, or leave it out (linked has a \
                  window of 16 frames)",
+            ));
+        }
+        if self.keep_leakage && self.method() == MethodName::Paper {
+            return Err(Error::usage(
+                "--keep-leakage is for curves (--mask) of --method linked, which alone takes that light off: leave it \
+                 out",
             ));
         }
         if !(1..=LARGEST_LAG).contains(&self.max_lag()) {

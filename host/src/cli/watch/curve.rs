@@ -9,7 +9,7 @@ use crate::io::{Attributes, CurveFile, CurveRow, read_mask, write_curve};
 use crate::method::Method;
 use crate::notes;
 use crate::watch::{
-    First, Frames, LinkedCurve, PaperCurve, PaperSettings, WatchedCurve, is_usable,
+    First, Frames, LinkedCurve, LinkedSettings, PaperCurve, PaperSettings, WatchedCurve, is_usable,
 };
 use phasewalk_core::weights::Weighting;
 use std::path::{Path, PathBuf};
@@ -18,7 +18,7 @@ impl Task<'_> {
     pub(super) fn curve(&self, mut frames: Frames, path: &Path) -> Result<()> {
         let mask = read_mask(path, self.format.height, self.format.width)?;
         let pixels = mask.iter().filter(|&&inside| inside).count();
-        let memory = self.curve_bytes(pixels);
+        let memory = self.curve_bytes(&mask, pixels);
         self.announce(&format!("curve of {pixels} pixels"), memory);
         let nm_per_rad = self.format.wavelength_nm.map(notes::nm_per_rad);
         let quality = self.arguments.method() == MethodName::Linked;
@@ -48,10 +48,10 @@ impl Task<'_> {
     }
 
     /// Memory whatever the number of frames, and that of each frame.
-    fn curve_bytes(&self, pixels: usize) -> [u64; 2] {
+    fn curve_bytes(&self, mask: &[bool], pixels: usize) -> [u64; 2] {
         let history = self.arguments.history;
         let [curve, per_frame] = match self.arguments.method() {
-            MethodName::Linked => LinkedCurve::bytes(pixels, history),
+            MethodName::Linked => LinkedCurve::bytes(mask, self.format.width, history),
             MethodName::Paper => PaperCurve::bytes(pixels, &self.paper_settings()),
         };
         [curve + self.frame_bytes(), per_frame]
@@ -73,8 +73,12 @@ impl Task<'_> {
     ) -> Result<Box<dyn WatchedCurve>> {
         let first = First::of(field, self.format.height, self.format.width)?;
         if self.arguments.method() == MethodName::Linked {
-            let (looks, history) = (self.arguments.looks(), self.arguments.history);
-            let curve = LinkedCurve::new(&first, mask, looks, history)?;
+            let settings = LinkedSettings {
+                looks: self.arguments.looks(),
+                keep_leakage: self.arguments.keep_leakage,
+                history: self.arguments.history,
+            };
+            let curve = LinkedCurve::new(&first, mask, settings)?;
             check_looks(Method::Linked, curve.looks(), "--mask")?;
             return Ok(Box::new(curve));
         }

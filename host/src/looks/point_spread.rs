@@ -1,0 +1,161 @@
+//! Where the light of a pixel comes from: k(d), the share that comes from the place at a distance d.
+//!
+//! Behind an aperture of even transmission the point spread |h(d)|^2 is proportional to |mu(d)|^2: both h and mu are the
+//! Fourier transform of the pupil, which is 0 or 1 and so its own square (Goodman, Statistical Optics, section 5.6). What
+//! only blurs the image, as defocus does, mu does not show: then k is too narrow. Noise of pixels makes it narrower too.
+
+use super::SpatialCoherence;
+use std::f64::consts::{SQRT_2, TAU};
+
+/// An aperture with a sharp edge scatters light further than |mu|^2 can be measured: its mean falls with the cube of the
+/// distance. So many rings, each wider by the root of two, hold it.
+const RINGS: i32 = 16;
+/// Places on each ring.
+const PLACES: i32 = 16;
+/// Least distance, pixels, to which |mu|^2 must be known along both axes to tell how it goes on. A line scan has no
+/// neighbours across.
+const LEAST_REACH: isize = 3;
+
+/// A share of the light of a pixel, and how far from it that comes from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Share {
+    dy: isize,
+    dx: isize,
+    /// Of 1.
+    pub share: f64,
+}
+
+impl Share {
+    /// The number of the place in an image of this height and width, where it is inside.
+    #[inline]
+    #[must_use]
+    pub fn place(&self, pixel: usize, height: usize, width: usize) -> Option<usize> {
+        let (y, x) = ((pixel / width) as isize + self.dy, (pixel % width) as isize + self.dx);
+        let inside = (0..height as isize).contains(&y) && (0..width as isize).contains(&x);
+        inside.then(|| y as usize * width + x as usize)
+    }
+
+    fn distance(&self) -> f64 {
+        (self.dy as f64).hypot(self.dx as f64)
+    }
+}
+
+/// k(d).
+#[derive(Clone, Debug)]
+pub struct PointSpread {
+    /// As far as |mu|^2 is known.
+    near: Vec<Share>,
+    /// Beyond, a few places for all.
+    far: Vec<Share>,
+}
+
+impl PointSpread {
+    /// k = |mu|^2 over its sum.
+    #[must_use]
+    pub fn of(coherence: &SpatialCoherence) -> Self {
+        let reach = coherence.reach().into_iter().min().unwrap_or_default();
+        let radius = reach as f64;
+        let measured = coherence.distances().map(|(dy, dx, share)| Share { dy, dx, share });
+        if reach < LEAST_REACH {
+            let near: Vec<Share> = measured.collect();
+            let sum = near.iter().map(|place| place.share).sum();
+            return Self { near, far: Vec::new() }.normalised(sum);
+        }
+        let near: Vec<Share> = measured.filter(|place| place.distance() <= radius).collect();
+        let outer = near.iter().filter(|place| place.distance() > radius / 2.0);
+        let (light, cubes) = outer.fold((0.0, 0.0), |(light, cubes), place| {
+            (light + place.share, cubes + place.distance().powi(-3))
+        });
+        // Beyond r there is the integral of 2 pi r C / r^3.
+        let beyond = TAU * f64::max(light, 0.0) / cubes;
+        let far = (0..RINGS).flat_map(|ring| places_of(ring, radius, beyond)).collect();
+        let sum = near.iter().map(|place| place.share).sum::<f64>() + beyond / radius;
+        Self { near, far }.normalised(sum)
+    }
+
+    fn normalised(mut self, sum: f64) -> Self {
+        for place in self.near.iter_mut().chain(&mut self.far) {
+            place.share /= sum;
+        }
+        self
+    }
+
+    /// The shares from places as near as |mu|^2 is known.
+    #[must_use]
+    pub fn near(&self) -> &[Share] {
+        &self.near
+    }
+
+    /// Share of the light of `pixel` that comes from the mask (y, x).
+    #[must_use]
+    pub fn light_of(&self, mask: &[bool], width: usize, pixel: usize) -> f64 {
+        let height = mask.len() / width;
+        let all = self.near.iter().chain(&self.far);
+        let of_mask =
+            all.filter(|share| share.place(pixel, height, width).is_some_and(|place| mask[place]));
+        of_mask.map(|place| place.share).sum()
+    }
+}
+
+/// The light between two radii, in equal parts round the ring.
+fn places_of(ring: i32, radius: f64, beyond: f64) -> impl Iterator<Item = Share> {
+    let [inner, outer] = [ring, ring + 1].map(|k| radius * SQRT_2.powi(k));
+    let share = beyond * (inner.recip() - outer.recip()) / f64::from(PLACES);
+    let between = (inner * outer).sqrt();
+    (0..PLACES).map(move |place| {
+        // Neighbouring rings are turned against each other.
+        let angle = TAU * (f64::from(place) + f64::from(ring % 2) / 2.0) / f64::from(PLACES);
+        let (sine, cosine) = angle.sin_cos();
+        let [dy, dx] = [sine, cosine].map(|part| (between * part).round() as isize);
+        Share { dy, dx, share }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// |mu|^2 of a round aperture, whose cut-off is `cutoff` cycles per pixel: (2 J1(v) / v)^2, v = 2 pi cutoff d.
+    fn airy(cutoff: f64, reach: isize) -> SpatialCoherence {
+        SpatialCoherence::from_function(reach, |dy, dx| {
+            let v = TAU * cutoff * (dy as f64).hypot(dx as f64);
+            if v == 0.0 { 1.0 } else { (2.0 * libm::j1(v) / v).powi(2) }
+        })
+    }
+
+    /// Beyond the angle v a round aperture scatters J0(v)^2 + J1(v)^2 of the light (Rayleigh).
+    #[test]
+    fn light_far_from_its_place_is_that_of_a_round_aperture() {
+        const SIDE: usize = 401;
+        for (cutoff, reach) in [(0.24, 6), (0.12, 12), (0.3, 6)] {
+            let spread = PointSpread::of(&airy(cutoff, reach));
+            for radius in [5.0, 20.0, 60.0] {
+                let disc: Vec<bool> = (0..SIDE * SIDE)
+                    .map(|i| {
+                        let from_middle = |at: usize| at as f64 - (SIDE / 2) as f64;
+                        from_middle(i / SIDE).hypot(from_middle(i % SIDE)) <= radius
+                    })
+                    .collect();
+                let found = 1.0 - spread.light_of(&disc, SIDE, SIDE * SIDE / 2);
+                let v = TAU * cutoff * radius;
+                let expected = libm::j0(v).powi(2) + libm::j1(v).powi(2);
+                // The reach holds one or two of the Airy pattern's rings, more of their peaks or more of their zeros.
+                let tolerance = 0.5 * expected;
+                assert!((found - expected).abs() < tolerance, "{radius}: {found}, {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn shares_sum_to_one_and_a_line_has_no_tail() {
+        let spread = PointSpread::of(&airy(0.24, 6));
+        let everywhere = spread.light_of(&vec![true; 2401 * 2401], 2401, 1200 * 2401 + 1200);
+        // What the last ring does not reach: the radius is 256 times that of |mu|^2.
+        assert!((0.999..1.000_001).contains(&everywhere), "{everywhere}");
+
+        let line = SpatialCoherence::from_function(0, |_, _| 1.0);
+        let spread = PointSpread::of(&line);
+        assert_eq!(spread.light_of(&[true, false], 2, 0), 1.0);
+        assert!(spread.far.is_empty());
+    }
+}
