@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! spatial.rs       how far a speckle reaches, and the looks of a mask, a rectangle, a Gaussian
+//! products.rs      what fields have in common with themselves at each distance
 //! point_spread.rs  where the light of a pixel comes from
 //! speckled.rs      where in the image there is speckle at all
 //! recordings.rs    how many independent recordings several ones amount to
@@ -10,6 +11,7 @@
 //! other whatever the aperture does, so they must not be among them ([`Survey::within`], [`speckled()`]).
 
 mod point_spread;
+mod products;
 mod recordings;
 mod spatial;
 mod speckled;

@@ -53,9 +53,9 @@ impl PointSpread {
     /// k = |mu|^2 over its sum.
     #[must_use]
     pub fn of(coherence: &SpatialCoherence) -> Self {
-        let reach = coherence.reach().into_iter().min().unwrap_or_default();
+        let (measured, reach) = coherence.of_aperture();
         let radius = reach as f64;
-        let measured = coherence.distances().map(|(dy, dx, share)| Share { dy, dx, share });
+        let measured = measured.into_iter().map(|(dy, dx, share)| Share { dy, dx, share });
         if reach < LEAST_REACH {
             let near: Vec<Share> = measured.collect();
             let sum = near.iter().map(|place| place.share).sum();

@@ -1,7 +1,8 @@
 //! How far a speckle reaches: L = 1 / sum over x,x' of w(x) w(x') |mu(x-x')|^2, where mu(d) is the spatial coherence of
 //! the field, sum_x U(x) conj U(x+d), normalised by the powers at both ends.
 
-use super::{MOST_CHANCE, Product, SEEN, read_usable, spread};
+use super::products::{Lines, Products, neighbours};
+use super::{SEEN, read_usable, spread};
 use crate::error::Result;
 use crate::image::Kernel;
 use crate::io::{Series, Shape};
@@ -9,7 +10,6 @@ use crate::progress;
 use crate::series::Survey;
 use num_complex::Complex32;
 use phasewalk_core::weights::effective_looks;
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Depths of each of the frames: they are held in memory.
@@ -21,6 +21,8 @@ const PIXELS: usize = 1 << 16;
 const FIRST_REACH: usize = 6;
 const STILL_COHERENT: f64 = 0.02;
 const LAST_REACH: usize = 48;
+/// One of so many fields shows how far the aperture alone spreads light.
+const APERTURE_SHARE: usize = 4;
 
 /// A rectangle of pixels over which a cross-spectrum is averaged: a square, where the image is wide enough both ways.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,6 +46,9 @@ pub struct SpatialCoherence {
     reach: [isize; 2],
     /// (dy, dx), row after row.
     squared: Vec<f64>,
+    /// The same in those fields where it falls off fastest: elsewhere something else reaches further than the aperture
+    /// spreads light (a reflection, side lobes of a bright layer).
+    of_aperture: Vec<f64>,
 }
 
 impl SpatialCoherence {
@@ -84,28 +89,19 @@ impl SpatialCoherence {
 
     /// What is left to say where no pixel can be used.
     fn of_independent_pixels() -> Self {
-        Self { reach: [0, 0], squared: vec![1.0] }
+        Self { reach: [0, 0], squared: vec![1.0], of_aperture: vec![1.0] }
     }
 
     /// And what chance adds to it, which is left out already.
     fn of_fields(fields: &[Vec<Complex32>], width: usize, reach: [isize; 2]) -> (Self, f64) {
         let step = (fields.first().map_or(0, |field| usable(field)) / PIXELS).max(1);
-        let [tall, wide] = reach.map(|reach| 2 * reach + 1);
-        let half = (tall * wide / 2) as usize;
-        // mu(-d) is the conjugate of mu(d): half of the distances are enough.
-        let measured: Vec<Measured> = (0..=half)
-            .into_par_iter()
-            .map(|i| {
-                let place = (half + i) as isize;
-                let d = (place / wide - reach[0], place % wide - reach[1]);
-                Measured::of(fields, Lines { width, step }, d.0 as usize, d.1)
-            })
-            .collect();
-        let chance = chance(&measured);
-        let pixels = measured[0].pairs;
-        let squared = |i: usize| measured[i.abs_diff(half)].without(chance, pixels);
-        let squared = (0..=2 * half).map(squared).collect();
-        (Self { reach, squared }, chance)
+        let products = Products::of(fields, Lines { width, step }, reach);
+        let mut fields: Vec<usize> = (0..fields.len()).collect();
+        let (squared, chance) = products.squared(&fields);
+        fields.sort_by(|&a, &b| products.far(a).total_cmp(&products.far(b)));
+        fields.truncate(fields.len().div_ceil(APERTURE_SHARE));
+        let (of_aperture, _) = products.squared(&fields);
+        (Self { reach, squared, of_aperture }, chance)
     }
 
     /// Largest |mu|^2 on the rim of the window, where the image still reaches further.
@@ -119,23 +115,37 @@ impl SpatialCoherence {
     /// |mu|^2 as a function of (dy, dx), as far as `reach`.
     #[cfg(test)]
     pub(crate) fn from_function(reach: isize, squared: impl Fn(isize, isize) -> f64) -> Self {
-        let mut of =
-            Self { reach: [reach; 2], squared: vec![0.0; (2 * reach as usize + 1).pow(2)] };
+        let none = vec![0.0; (2 * reach as usize + 1).pow(2)];
+        let mut of = Self { reach: [reach; 2], squared: none, of_aperture: Vec::new() };
         of.squared = of.distances().map(|(dy, dx, _)| squared(dy, dx)).collect();
+        of.of_aperture.clone_from(&of.squared);
         of
     }
 
-    /// How far it is known along y and x, pixels.
-    pub(super) fn reach(&self) -> [isize; 2] {
-        self.reach
+    /// (dy, dx, |mu|^2) of the aperture alone, and how far along both axes it is known.
+    pub(super) fn of_aperture(&self) -> (Vec<(isize, isize, f64)>, isize) {
+        let all: Vec<_> =
+            self.places().zip(&self.of_aperture).map(|((y, x), &s)| (y, x, s)).collect();
+        let known = self.reach[0].min(self.reach[1]);
+        let at_the_rim = |reach: isize| {
+            let rim = all.iter().filter(|&&(dy, dx, _)| dy.abs().max(dx.abs()) == reach);
+            rim.fold(0.0, |max: f64, &(_, _, s)| s.max(max))
+        };
+        let mut reach = known.min(FIRST_REACH as isize);
+        while reach < known && at_the_rim(reach) > STILL_COHERENT {
+            reach = (2 * reach).min(known);
+        }
+        (all, reach)
+    }
+
+    fn places(&self) -> impl Iterator<Item = (isize, isize)> + use<> {
+        let ([tall, wide], [y, x]) = (self.reach.map(|reach| 2 * reach + 1), self.reach);
+        (0..tall * wide).map(move |i| (i / wide - y, i % wide - x))
     }
 
     /// (dy, dx, |mu|^2).
-    pub(super) fn distances(&self) -> impl Iterator<Item = (isize, isize, f64)> + '_ {
-        let [tall, wide] = self.reach.map(|reach| 2 * reach + 1);
-        (0..tall * wide)
-            .zip(&self.squared)
-            .map(move |(i, &s)| (i / wide - self.reach[0], i % wide - self.reach[1], s))
+    fn distances(&self) -> impl Iterator<Item = (isize, isize, f64)> + '_ {
+        self.places().zip(&self.squared).map(|((dy, dx), &s)| (dy, dx, s))
     }
 
     /// Effective looks of the mean over a mask (y, x).
@@ -230,53 +240,6 @@ impl Window {
     }
 }
 
-/// |mu|^2 at one distance, as it comes out.
-struct Measured {
-    /// Averaged over the fields, each by itself: a phase ramp that changes with time must not cancel.
-    raw: f64,
-    /// Pairs of pixels, in the mean over the fields, about; of rows that are passed over too.
-    pairs: f64,
-}
-
-impl Measured {
-    /// Over all pixels x whose partner x + (dy, dx) lies in the image; dy >= 0.
-    fn of(fields: &[Vec<Complex32>], lines: Lines, dy: usize, dx: isize) -> Self {
-        let (mut raw, mut pairs) = (0.0, 0);
-        for field in fields {
-            let product = neighbours(field, lines, dy, dx);
-            raw += product.coherence_squared();
-            pairs += product.pairs;
-        }
-        let count = fields.len().max(1) as f64;
-        Self { raw: raw / count, pairs: (lines.step * pairs) as f64 / count }
-    }
-
-    /// (raw - b) / (1 - b) with what chance adds, b = 1/L_d, where as many of the looks are left as of the pairs:
-    /// L_d = L pairs_d / n. By chance it may be negative.
-    fn without(&self, chance: f64, pixels: f64) -> f64 {
-        if self.pairs == 0.0 {
-            return 0.0;
-        }
-        let added = (chance * pixels / self.pairs).min(MOST_CHANCE);
-        1.0 - (1.0 - self.raw) / (1.0 - added)
-    }
-}
-
-/// What a finite number of speckles adds to |mu|^2, q = 1/L with the L looks of the mean over all n pixels that are
-/// measured; the first of `measured` is the distance 0. With D other distances and o_d = pairs_d / n^2
-///
-/// q = 1/n + sum over d of o_d (raw_d - q n / pairs_d), or q = (1/n + sum over d of o_d raw_d) / (1 + D/n).
-fn chance(measured: &[Measured]) -> f64 {
-    let [itself, others @ ..] = measured else { return 0.0 };
-    let n = itself.pairs;
-    if n == 0.0 {
-        return 0.0;
-    }
-    let seen: f64 = others.iter().map(|d| 2.0 * d.pairs / (n * n) * d.raw).sum();
-    let distances = 2.0 * others.iter().filter(|d| d.pairs > 0.0).count() as f64;
-    (1.0 / n + seen) / (1.0 + distances / n)
-}
-
 /// Leave out frames that hold noise only, or nothing: their pixels are independent whatever the aperture does. Where
 /// neighbours have anything in common at all, it is less than half as much in them as in the middle one of the frames.
 fn with_speckle(mut frames: Vec<Vec<Vec<Complex32>>>, width: usize) -> Vec<Vec<Vec<Complex32>>> {
@@ -307,29 +270,6 @@ fn usable(field: &[Complex32]) -> usize {
     field.iter().filter(|u| u.norm_sqr() > 0.0).count()
 }
 
-/// Every `step`-th row of an image whose rows are `width` long.
-#[derive(Clone, Copy)]
-struct Lines {
-    width: usize,
-    step: usize,
-}
-
-/// Those rows of the field and their neighbours at (dy, dx); dy >= 0.
-fn neighbours(field: &[Complex32], lines: Lines, dy: usize, dx: isize) -> Product {
-    let Lines { width, step } = lines;
-    let rows = field.chunks_exact(width);
-    let partners = rows.clone().skip(dy).step_by(step);
-    let columns = (-dx).max(0) as usize..(width as isize - dx.max(0)).max(0) as usize;
-    let mut product = Product::default();
-    for (row, partner) in rows.step_by(step).zip(partners) {
-        let shifted = (columns.start as isize + dx) as usize..;
-        for (&u, &v) in row[columns.clone()].iter().zip(&partner[shifted]) {
-            product.add(u, v);
-        }
-    }
-    product
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::FRAMES;
@@ -341,7 +281,7 @@ mod tests {
         let mut squared = vec![0.0; ((2 * reach[0] + 1) * (2 * reach[1] + 1)) as usize];
         let middle = squared.len() / 2;
         squared[middle - 1..=middle + 1].copy_from_slice(&[0.25, 1.0, 0.25]);
-        SpatialCoherence { reach, squared }
+        SpatialCoherence { reach, of_aperture: squared.clone(), squared }
     }
 
     #[test]
@@ -386,6 +326,7 @@ mod tests {
         let everywhere = |[tall, wide]: [isize; 2]| SpatialCoherence {
             reach: [tall, wide],
             squared: vec![1.0; ((2 * tall + 1) * (2 * wide + 1)) as usize],
+            of_aperture: Vec::new(),
         };
         for (sigma, sides) in [(1.5, [16, 8]), (3.0, [9, 30]), (0.4, [5, 5])] {
             let kernel = Kernel::new(sigma, sides[0], sides[1], true).unwrap();

@@ -1,0 +1,129 @@
+//! What the fields have in common with themselves at each distance, and what of that is chance.
+
+use super::{MOST_CHANCE, Product};
+use num_complex::Complex32;
+use rayon::prelude::*;
+
+/// Sums of U(x) conj U(x + d) of each field, at the distances d up to `reach` along y and x: half of them, as mu(-d) is the
+/// conjugate of mu(d).
+pub(super) struct Products {
+    /// (distance, field), d = 0 first.
+    of: Vec<Vec<Product>>,
+    reach: [isize; 2],
+    step: usize,
+}
+
+impl Products {
+    pub(super) fn of(fields: &[Vec<Complex32>], lines: Lines, reach: [isize; 2]) -> Self {
+        let mut products = Self { of: Vec::new(), reach, step: lines.step };
+        let at = |i: usize| {
+            let (dy, dx) = products.distance(i);
+            fields.iter().map(|field| neighbours(field, lines, dy as usize, dx)).collect()
+        };
+        products.of = (0..=products.half()).into_par_iter().map(at).collect();
+        products
+    }
+
+    /// Number of the last distance.
+    fn half(&self) -> usize {
+        let [tall, wide] = self.reach.map(|reach| 2 * reach + 1);
+        (tall * wide / 2) as usize
+    }
+
+    /// (dy, dx); dy >= 0.
+    fn distance(&self, i: usize) -> (isize, isize) {
+        let wide = 2 * self.reach[1] + 1;
+        let place = (self.half() + i) as isize;
+        (place / wide - self.reach[0], place % wide - self.reach[1])
+    }
+
+    /// |mu(d)|^2 of the `chosen` fields, (dy, dx) row after row, without what chance adds; and that.
+    pub(super) fn squared(&self, chosen: &[usize]) -> (Vec<f64>, f64) {
+        let half = self.half();
+        let of = |products: &Vec<Product>| Measured::of(products, chosen, self.step);
+        let measured: Vec<Measured> = self.of.iter().map(of).collect();
+        let chance = chance(&measured);
+        let pixels = measured[0].pairs;
+        let squared = |i: usize| measured[i.abs_diff(half)].without(chance, pixels);
+        ((0..=2 * half).map(squared).collect(), chance)
+    }
+
+    /// Sum of |mu(d)|^2 of a field over the outer half of the distances.
+    pub(super) fn far(&self, field: usize) -> f64 {
+        let is_far = |i: usize| {
+            let (dy, dx) = self.distance(i);
+            2 * dy.abs() > self.reach[0] || 2 * dx.abs() > self.reach[1]
+        };
+        let far = self.of.iter().enumerate().filter(|&(i, _)| is_far(i));
+        far.map(|(_, products)| products[field].coherence_squared()).sum()
+    }
+}
+
+/// |mu|^2 at one distance, as it comes out.
+struct Measured {
+    /// Averaged over the fields, each by itself: a phase ramp that changes with time must not cancel.
+    raw: f64,
+    /// Pairs of pixels, in the mean over the fields, about; of rows that are passed over too.
+    pairs: f64,
+}
+
+impl Measured {
+    /// From the products of the `chosen` fields, for which one of `step` rows was taken.
+    fn of(products: &[Product], chosen: &[usize], step: usize) -> Self {
+        let (mut raw, mut pairs) = (0.0, 0);
+        for &field in chosen {
+            raw += products[field].coherence_squared();
+            pairs += products[field].pairs;
+        }
+        let count = chosen.len().max(1) as f64;
+        Self { raw: raw / count, pairs: (step * pairs) as f64 / count }
+    }
+
+    /// (raw - b) / (1 - b) with what chance adds, b = 1/L_d, where as many of the looks are left as of the pairs:
+    /// L_d = L pairs_d / n. By chance it may be negative.
+    fn without(&self, chance: f64, pixels: f64) -> f64 {
+        if self.pairs == 0.0 {
+            return 0.0;
+        }
+        let added = (chance * pixels / self.pairs).min(MOST_CHANCE);
+        1.0 - (1.0 - self.raw) / (1.0 - added)
+    }
+}
+
+/// What a finite number of speckles adds to |mu|^2, q = 1/L with the L looks of the mean over all n pixels that are
+/// measured; the first of `measured` is the distance 0. With D other distances and o_d = pairs_d / n^2
+///
+/// q = 1/n + sum over d of o_d (raw_d - q n / pairs_d), or q = (1/n + sum over d of o_d raw_d) / (1 + D/n).
+fn chance(measured: &[Measured]) -> f64 {
+    let [itself, others @ ..] = measured else { return 0.0 };
+    let n = itself.pairs;
+    if n == 0.0 {
+        return 0.0;
+    }
+    let seen: f64 = others.iter().map(|d| 2.0 * d.pairs / (n * n) * d.raw).sum();
+    let distances = 2.0 * others.iter().filter(|d| d.pairs > 0.0).count() as f64;
+    (1.0 / n + seen) / (1.0 + distances / n)
+}
+
+/// Every `step`-th row of an image whose rows are `width` long.
+#[derive(Clone, Copy)]
+pub(super) struct Lines {
+    pub width: usize,
+    pub step: usize,
+}
+
+/// Those rows of the field and their neighbours at (dy, dx); dy >= 0.
+pub(super) fn neighbours(field: &[Complex32], lines: Lines, dy: usize, dx: isize) -> Product {
+    let Lines { width, step } = lines;
+    let rows = field.chunks_exact(width);
+    let partners = rows.clone().skip(dy).step_by(step);
+    let columns = (-dx).max(0) as usize..(width as isize - dx.max(0)).max(0) as usize;
+    let mut product = Product::default();
+    for (row, partner) in rows.step_by(step).zip(partners) {
+        let shifted = (columns.start as isize + dx) as usize..;
+        for (&u, &v) in row[columns.clone()].iter().zip(&partner[shifted]) {
+            product.add(u, v);
+        }
+    }
+    product
+}
