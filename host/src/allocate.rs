@@ -1,5 +1,8 @@
 //! Large buffers that fail with a message instead of ending the program.
 
+#[cfg(target_os = "linux")]
+mod pages;
+
 use crate::error::{Error, Result};
 
 /// An empty vector with room for `len` elements.
@@ -12,6 +15,8 @@ pub fn reserve<T>(len: usize, what: &str) -> Result<Vec<T>> {
         let mebibytes = (len as u128 * size_of::<T>() as u128) >> 20;
         Error::failed(format!("not enough memory: {what} need {mebibytes} MiB"))
     })?;
+    #[cfg(target_os = "linux")]
+    pages::advise(&mut buffer);
     Ok(buffer)
 }
 

@@ -8,6 +8,9 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+/// Most of the light that is taken off.
+const MOST_LIGHT: f64 = 1.0 / 3.0;
+
 /// Pixels of a sub-window; without any, the whole region is one.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Window {
@@ -68,7 +71,8 @@ impl Selection {
     }
 
     /// The same, with the light that the point spread brings from outside of `drawn` taken off: of the mask with the
-    /// pixels that move with it, but are not used. `valid` as in [`Self::new`].
+    /// pixels that move with it, but are not used. `valid` as in [`Self::new`]. If more than a third of the light is from
+    /// there, the region is too small or too thin to tell it, and nothing is taken off.
     #[must_use]
     pub fn without_leakage(mut self, spread: &PointSpread, drawn: &[bool], valid: &[bool]) -> Self {
         let surroundings = Surroundings { spread, mask: drawn, valid, width: self.width };
@@ -83,15 +87,17 @@ impl Selection {
             surroundings.around(pixels, part.map_or(&[], Vec::as_slice))
         };
         let around: Vec<_> = self.windows.par_iter().map(of).collect();
+        let light = around.iter().map(|around| around.light).sum::<f64>() / self.pixels() as f64;
+        if light > MOST_LIGHT {
+            return self;
+        }
+        self.leakage = Some(light);
         self.outside.clear();
-        let mut light = 0.0;
         for (window, around) in self.windows.iter_mut().zip(around) {
             let start = self.inside.len() + self.outside.len();
-            light += around.light;
             self.outside.extend(around.pixels);
             window.outside = start..self.inside.len() + self.outside.len();
         }
-        self.leakage = Some(light / self.inside.len() as f64);
         self
     }
 

@@ -73,9 +73,10 @@ impl PointSpread {
         Self { near, far }.normalised(sum)
     }
 
+    /// The sum is 1 at least, that of d = 0; of few speckles chance may make it less.
     fn normalised(mut self, sum: f64) -> Self {
         for place in self.near.iter_mut().chain(&mut self.far) {
-            place.share /= sum;
+            place.share /= sum.max(1.0);
         }
         self
     }

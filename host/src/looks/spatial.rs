@@ -10,6 +10,7 @@ use crate::progress;
 use crate::series::Survey;
 use num_complex::Complex32;
 use phasewalk_core::weights::effective_looks;
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// Depths of each of the frames: they are held in memory.
@@ -21,8 +22,9 @@ const PIXELS: usize = 1 << 16;
 const FIRST_REACH: usize = 6;
 const STILL_COHERENT: f64 = 0.02;
 const LAST_REACH: usize = 48;
-/// One of so many fields shows how far the aperture alone spreads light.
-const APERTURE_SHARE: usize = 4;
+/// Fields that have so many times more in common over long distances than the first quarter of them have it from something
+/// else than the aperture; two standard deviations of chance are less.
+const MORE: f64 = 1.5;
 
 /// A rectangle of pixels over which a cross-spectrum is averaged: a square, where the image is wide enough both ways.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,8 +48,8 @@ pub struct SpatialCoherence {
     reach: [isize; 2],
     /// (dy, dx), row after row.
     squared: Vec<f64>,
-    /// The same in those fields where it falls off fastest: elsewhere something else reaches further than the aperture
-    /// spreads light (a reflection, side lobes of a bright layer).
+    /// The same of the fields without those in which something reaches further than the aperture spreads light (a
+    /// reflection, side lobes of a bright layer).
     of_aperture: Vec<f64>,
 }
 
@@ -62,14 +64,15 @@ impl SpatialCoherence {
         if window.rows.is_empty() {
             return Ok(Self::of_independent_pixels());
         }
-        let mut sampled = Vec::new();
-        for frame in spread(frames) {
+        let sample = |frame: usize| {
             progress::check()?;
             let read = |&depth: &usize| -> Result<Vec<Complex32>> {
                 Ok(window.cut(&read_usable(series, survey, frame, depth)?, width))
             };
-            sampled.push(depths.iter().take(DEPTHS).map(read).collect::<Result<Vec<_>>>()?);
-        }
+            depths.iter().take(DEPTHS).map(read).collect::<Result<Vec<_>>>()
+        };
+        let chosen: Vec<usize> = spread(frames).collect();
+        let sampled = chosen.into_par_iter().map(sample).collect::<Result<Vec<_>>>()?;
         let fields: Vec<_> =
             with_speckle(sampled, window.columns.len()).into_iter().flatten().collect();
         let sides = [window.rows.len(), window.columns.len()];
@@ -98,8 +101,10 @@ impl SpatialCoherence {
         let products = Products::of(fields, Lines { width, step }, reach);
         let mut fields: Vec<usize> = (0..fields.len()).collect();
         let (squared, chance) = products.squared(&fields);
-        fields.sort_by(|&a, &b| products.far(a).total_cmp(&products.far(b)));
-        fields.truncate(fields.len().div_ceil(APERTURE_SHARE));
+        let far: Vec<f64> = fields.iter().map(|&field| products.far(field)).collect();
+        fields.sort_by(|&a, &b| far[a].total_cmp(&far[b]));
+        let most = fields.get(fields.len() / 4).map_or(0.0, |&field| MORE * far[field]);
+        fields.retain(|&field| far[field] <= most);
         let (of_aperture, _) = products.squared(&fields);
         (Self { reach, squared, of_aperture }, chance)
     }
@@ -255,12 +260,14 @@ fn with_speckle(mut frames: Vec<Vec<Vec<Complex32>>>, width: usize) -> Vec<Vec<V
         };
         fields.iter().map(of).sum::<f64>() / fields.len().max(1) as f64
     };
-    let mut sorted: Vec<f64> = frames.iter().map(common).collect();
+    let common: Vec<f64> = frames.par_iter().map(common).collect();
+    let mut sorted = common.clone();
     sorted.sort_unstable_by(f64::total_cmp);
     let middle = sorted.get(sorted.len() / 2).copied().unwrap_or_default();
     let pixels = frames.first().and_then(|fields| fields.first()).map_or(0, |field| usable(field));
     if middle * pixels as f64 > SEEN {
-        frames.retain(|fields| common(fields) > middle / 2.0);
+        let mut common = common.into_iter();
+        frames.retain(|_| common.next().is_some_and(|common| common > middle / 2.0));
     }
     frames
 }

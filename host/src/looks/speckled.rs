@@ -9,6 +9,7 @@ use crate::io::{Series, Shape};
 use crate::progress;
 use crate::series::Survey;
 use num_complex::Complex32;
+use rayon::prelude::*;
 
 /// Side of the squares, pixels.
 const SIDE: usize = 32;
@@ -30,10 +31,15 @@ const ENOUGH: f64 = 0.5;
 pub fn speckled(series: &dyn Series, survey: &Survey, depth: usize) -> Result<Survey> {
     let shape = series.shape();
     let mut squares = Squares::new(shape);
-    for frame in spread(shape.frames.saturating_sub(1)) {
+    let products = |frame: usize| {
         progress::check()?;
         let read = |frame| read_usable(series, survey, frame, depth);
-        squares.add(&read(frame)?, &read(frame + 1)?);
+        Ok(squares.products(&read(frame)?, &read(frame + 1)?))
+    };
+    let frames: Vec<usize> = spread(shape.frames.saturating_sub(1)).collect();
+    let all: Vec<Vec<Product>> = frames.into_par_iter().map(products).collect::<Result<_>>()?;
+    for products in all {
+        squares.add(products);
     }
     let chosen = squares.chosen();
     let mask: Vec<bool> = (0..survey.valid.len()).map(|i| chosen[squares.of(i)]).collect();
@@ -97,11 +103,21 @@ impl Squares {
         i / self.width / rows * self.columns + i % self.width / columns
     }
 
-    fn add(&mut self, earlier: &[Complex32], later: &[Complex32]) {
+    /// Of one pair of frames, square by square.
+    fn products(&self, earlier: &[Complex32], later: &[Complex32]) -> Vec<Product> {
         let mut products = vec![Product::default(); self.squares.len()];
-        for (i, (&u, &v)) in earlier.iter().zip(later).enumerate() {
-            products[self.of(i)].add(u, v);
+        let rows = earlier.chunks(self.width).zip(later.chunks(self.width));
+        for (y, (earlier, later)) in rows.enumerate() {
+            let squares = &mut products[y / self.sides[0] * self.columns..];
+            let pieces = earlier.chunks(self.sides[1]).zip(later.chunks(self.sides[1]));
+            for (product, (u, v)) in squares.iter_mut().zip(pieces) {
+                product.add_row(u, v);
+            }
         }
+        products
+    }
+
+    fn add(&mut self, products: Vec<Product>) {
         for (square, product) in self.squares.iter_mut().zip(products) {
             square.add(product);
         }

@@ -75,7 +75,8 @@ impl First {
         let mut selection = Selection::new(valid, mask, self.series.shape().width, None)?;
         let coherence = SpatialCoherence::estimate(&self.series, &self.survey.within(mask), &[0])?;
         if !keep_leakage {
-            selection = selection.without_leakage(&PointSpread::of(&coherence), mask, valid);
+            let image = SpatialCoherence::estimate(&self.series, &self.survey, &[0])?;
+            selection = selection.without_leakage(&PointSpread::of(&image), mask, valid);
         }
         let looks = selection.looks(&coherence);
         Ok((selection, looks))

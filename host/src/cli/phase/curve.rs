@@ -30,7 +30,7 @@ impl Task<'_> {
         let figure = self.arguments.figure.as_deref().map(FigureFile::create).transpose()?;
 
         let survey = self.survey()?;
-        let ground = Ground { task: self, survey: &survey };
+        let ground = Ground { task: self, survey: &survey, spread: self.spread(&survey)? };
         let mut result = ground.evaluate("phase curve", &mask, path, "--mask")?;
         let control = control
             .map(|(mask, path)| ground.evaluate("control curve", &mask, path, "--control"))
@@ -50,6 +50,15 @@ impl Task<'_> {
         }
         let what = "no pixel is left: take a smaller one";
         Err(Error::file(path, format!("--rim {rim}: {what}")))
+    }
+
+    /// How the aperture spreads light, seen wherever there is speckle, if it is asked for.
+    fn spread(&self, survey: &Survey) -> Result<Option<PointSpread>> {
+        if self.plan.method != Method::Linked || self.arguments.keep_leakage {
+            return Ok(None);
+        }
+        let speckled = self.speckled(survey)?;
+        Ok(Some(PointSpread::of(&self.coherence(&speckled)?)))
     }
 
     /// Write, draw and report.
@@ -196,12 +205,14 @@ struct Masks {
 struct Ground<'a> {
     task: &'a Task<'a>,
     survey: &'a Survey,
+    /// How light spreads, where that from outside of the masks is taken off.
+    spread: Option<PointSpread>,
 }
 
 impl Ground<'_> {
     /// The pixels of the mask, and how many independent looks they are; with what depths and recordings add to them.
     fn select(&self, masks: &Masks) -> Result<(Selection, f64, AddedLooks)> {
-        let Task { arguments, good, plan, .. } = self.task;
+        let Task { good, plan, .. } = self.task;
         let width = good.shape().width;
         let usable = self.survey.within(&masks.inner);
         let coherence = self.task.coherence(&usable)?;
@@ -213,9 +224,8 @@ impl Ground<'_> {
             .then(|| coherence.block_of_looks(wanted, added.depths, good.shape()));
         let valid = &self.survey.valid;
         let mut selection = Selection::new(valid, &masks.inner, width, window)?;
-        if linked && !arguments.keep_leakage {
-            let spread = PointSpread::of(&coherence);
-            selection = selection.without_leakage(&spread, &masks.drawn, valid);
+        if let Some(spread) = &self.spread {
+            selection = selection.without_leakage(spread, &masks.drawn, valid);
         }
         let looks = selection.looks(&coherence);
         Ok((selection, looks, added))

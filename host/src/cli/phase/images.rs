@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::image::{Fit, ImageJob, Imaging, Kernel, MemoryPlan, StripResult, Tiles, window_kernel};
 use crate::io::{Attributes, Format, ImageLayout, ImageWriter, Series, Shape};
 use crate::lanes::Path as LanePath;
-use crate::looks::{SpatialCoherence, speckled};
+use crate::looks::SpatialCoherence;
 use crate::method::Method;
 use crate::progress::Progress;
 use crate::series::Survey;
@@ -25,8 +25,7 @@ impl Task<'_> {
         let path = LanePath::best()?;
         let figure = self.figure()?;
         let survey = self.survey()?;
-        let depth = self.first_layer().first().copied().unwrap_or_default();
-        let speckled = speckled(&self.good, &survey, depth)?;
+        let speckled = self.speckled(&survey)?;
         let coherence = self.coherence(&speckled)?;
         let linked = self.plan.method == Method::Linked;
         let added = self.added_looks(&speckled, &coherence)?;

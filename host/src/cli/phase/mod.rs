@@ -27,7 +27,7 @@ use crate::error::{Error, Result};
 use crate::figures::style;
 use crate::frames::ChosenFrames;
 use crate::io::{Recordings, Series, Timed, check_times};
-use crate::looks::{SpatialCoherence, looks_of_depths, looks_of_recordings};
+use crate::looks::{SpatialCoherence, looks_of_depths, looks_of_recordings, speckled};
 use crate::method::{Method, Plan};
 use crate::planes::Planes;
 use crate::series::{Survey, survey};
@@ -154,6 +154,12 @@ impl Task<'_> {
             added.depths = looks.into_iter().fold(f64::INFINITY, f64::min);
         }
         Ok(added)
+    }
+
+    /// The survey of where there is speckle.
+    fn speckled(&self, survey: &Survey) -> Result<Survey> {
+        let depth = self.first_layer().first().copied().unwrap_or_default();
+        speckled(&self.good, survey, depth)
     }
 
     fn coherence(&self, survey: &Survey) -> Result<SpatialCoherence> {
