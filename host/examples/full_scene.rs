@@ -84,8 +84,8 @@ impl Summary {
             for (region, pixels) in [&mask, &inner].into_iter().enumerate() {
                 let all = Selection::new(valid, pixels, width, None)?;
                 let (selection, looks) = if take_off {
-                    let selection = all.without_leakage(&spread, &mask, valid);
-                    let looks = selection.looks(&usable);
+                    let selection = all.without_leakage(&spread, &usable, &mask, valid);
+                    let looks = selection.looks(&usable, 1.0);
                     (selection, looks)
                 } else {
                     (all, effective_looks)

@@ -79,8 +79,8 @@ fn discs(series: &HeldSeries, radius: f64) -> Vec<Disc> {
         let selection = Selection::new(&survey.valid, &mask, SIDE, None);
         let selection = selection.expect("the disc has pixels");
         let spread = PointSpread::of(&coherence);
-        let selection = selection.without_leakage(&spread, &mask, &survey.valid);
-        let effective_looks = selection.looks(&coherence);
+        let selection = selection.without_leakage(&spread, &coherence, &mask, &survey.valid);
+        let effective_looks = selection.looks(&coherence, 1.0);
         let region = Region::read(series, survey.scale, selection, &plan, &silent);
         let region = region.expect("it is in memory");
         let score = |looks: f64| {

@@ -15,13 +15,14 @@
 //! ```
 //! holds nothing of S_out; y are the mask's pixels there, also those of a rim that is left out. Each sub-window has its own, so only its neighbourhood need move as one. Without it the phase
 //! of a region whose surroundings rest is too small: between neighbouring frames by the share of light from outside, less
-//! where the phases are further apart. What has the phase of the region on both sides of the mask's edge loses light only.
+//! where the phases are further apart. Beta is 8 at most: what reaches a sub-window from further than |mu|^2 is known is
+//! hardly seen at its own rim. Beyond the image's edge mask and surroundings go on. What has the phase of the region on both sides of the mask's edge loses light only.
 
 use crate::looks::PointSpread;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// The largest beta. What reaches a sub-window from further than |mu|^2 is known is hardly seen at its own rim.
+/// The largest beta.
 const MOST: f64 = 8.0;
 
 /// A pixel outside of the mask.
@@ -56,15 +57,19 @@ impl Surroundings<'_> {
     /// The pixels outside of the mask that take the light from there off the sum over `pixels`; `drawn` are the mask's
     /// pixels there.
     pub(super) fn around(&self, pixels: &[usize], drawn: &[usize]) -> Around {
-        let light: f64 = self.light_from_outside(pixels).iter().sum();
-        let weights = self.spread_of(drawn);
+        let light = self.light_from_outside(pixels).iter().sum::<f64>().max(0.0);
+        let mut weights = self.spread_of(drawn);
+        // Of what |mu|^2 is by chance.
+        weights.retain(|_, w| *w > 0.0);
         let places: Vec<usize> = weights.keys().copied().collect();
         let own = self.light_from_outside(&places);
         let taken: f64 = weights.values().zip(&own).map(|(w, own)| w * own).sum();
         let beta = if taken > 0.0 { (light / taken).min(MOST) } else { 0.0 };
+        if beta == 0.0 {
+            return Around { pixels: Vec::new(), light: 0.0 };
+        }
         let outside = weights.into_iter().map(|(place, w)| Outside { place, weight: beta * w });
-        let pixels = outside.filter(|of| of.weight > 0.0).collect();
-        Around { pixels, light: beta * taken }
+        Around { pixels: outside.collect(), light: beta * taken }
     }
 
     /// 1 - K of these pixels.

@@ -4,7 +4,7 @@ use super::selection::{Selection, Window};
 use crate::allocate::{reserve, zeros};
 use crate::error::Result;
 use crate::io::{Series, Shape};
-use crate::looks::Block;
+use crate::looks::{Block, SpatialCoherence};
 use crate::method::Plan;
 use crate::planes::Layers;
 use crate::progress::Progress;
@@ -64,6 +64,17 @@ impl Region {
     #[must_use]
     pub fn pixels(&self) -> usize {
         self.selection.pixels()
+    }
+
+    /// Effective looks of the averages.
+    #[must_use]
+    pub fn looks(&self, coherence: &SpatialCoherence) -> f64 {
+        let held = self.selection.held();
+        let power = |pixel: usize| -> f64 {
+            let of = self.fields[pixel..].iter().step_by(held);
+            of.map(|u| f64::from(u.norm_sqr())).sum()
+        };
+        self.selection.looks(coherence, self.selection.brightness(power))
     }
 
     /// ⟨C(t,s-t)⟩ and ⟨C/|C|⟩ over pixels and recordings; `powers` as [`Self::powers`] gives them.

@@ -8,8 +8,8 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Most of the light that is taken off.
-const MOST_LIGHT: f64 = 1.0 / 3.0;
+/// Share of the looks that must be left where light is taken off.
+const LEAST_LOOKS: f64 = 0.5;
 
 /// Pixels of a sub-window; without any, the whole region is one.
 #[derive(Clone, Debug, PartialEq)]
@@ -71,10 +71,16 @@ impl Selection {
     }
 
     /// The same, with the light that the point spread brings from outside of `drawn` taken off: of the mask with the
-    /// pixels that move with it, but are not used. `valid` as in [`Self::new`]. If more than a third of the light is from
-    /// there, the region is too small or too thin to tell it, and nothing is taken off.
+    /// pixels that move with it, but are not used. `valid` as in [`Self::new`]. Where that would leave less than half of
+    /// the looks that there are by `coherence`, in regions that are small or thin, nothing is taken off.
     #[must_use]
-    pub fn without_leakage(mut self, spread: &PointSpread, drawn: &[bool], valid: &[bool]) -> Self {
+    pub fn without_leakage(
+        self,
+        spread: &PointSpread,
+        coherence: &SpatialCoherence,
+        drawn: &[bool],
+        valid: &[bool],
+    ) -> Self {
         let surroundings = Surroundings { spread, mask: drawn, valid, width: self.width };
         let square = |place: usize| square(place, self.width, self.window);
         let mut parts = BTreeMap::<_, Vec<usize>>::new();
@@ -88,17 +94,17 @@ impl Selection {
         };
         let around: Vec<_> = self.windows.par_iter().map(of).collect();
         let light = around.iter().map(|around| around.light).sum::<f64>() / self.pixels() as f64;
-        if light > MOST_LIGHT {
+        if light == 0.0 {
             return self;
         }
-        self.leakage = Some(light);
-        self.outside.clear();
-        for (window, around) in self.windows.iter_mut().zip(around) {
-            let start = self.inside.len() + self.outside.len();
-            self.outside.extend(around.pixels);
-            window.outside = start..self.inside.len() + self.outside.len();
+        let mut without = Self { leakage: Some(light), ..self.clone() };
+        for (window, around) in without.windows.iter_mut().zip(around) {
+            let start = without.inside.len() + without.outside.len();
+            without.outside.extend(around.pixels);
+            window.outside = start..without.inside.len() + without.outside.len();
         }
-        self
+        let left = without.looks(coherence, 1.0);
+        if left > LEAST_LOOKS * self.looks(coherence, 1.0) { without } else { self }
     }
 
     /// Number of pixels of the mask that are used.
@@ -131,22 +137,26 @@ impl Selection {
         (self.held() * frames * depths * size_of::<Complex32>()) as u64
     }
 
-    /// Effective looks of the averages.
+    /// Effective looks of the averages, where the surroundings are so many times as bright as the mask.
     #[must_use]
-    pub fn looks(&self, coherence: &SpatialCoherence) -> f64 {
-        coherence.looks_of_weights(&self.weights(), self.width)
-    }
-
-    /// The weight of every pixel of the image (y, x) in the averages: 1 inside, 0 or less outside.
-    fn weights(&self) -> Vec<f64> {
+    pub fn looks(&self, coherence: &SpatialCoherence, brightness: f64) -> f64 {
         let mut weights = vec![0.0; self.image];
         for &place in &self.inside {
             weights[place] = 1.0;
         }
         for outside in &self.outside {
-            weights[outside.place] -= outside.weight;
+            weights[outside.place] -= brightness * outside.weight;
         }
-        weights
+        coherence.looks_of_weights(&weights, self.width)
+    }
+
+    /// How bright the pixels outside are beside those of the mask, from the powers of what is held of all images.
+    pub(crate) fn brightness(&self, held: impl Fn(usize) -> f64) -> f64 {
+        let power = |of: Range<usize>| of.map(&held).sum::<f64>();
+        let inside = power(0..self.inside.len()) / self.inside.len() as f64;
+        let weight: f64 = self.outside.iter().map(|of| of.weight).sum();
+        let outside = power(self.inside.len()..self.held()) / weight;
+        if inside > 0.0 && outside.is_finite() { outside / inside } else { 1.0 }
     }
 
     /// Of an image (y, x), what is held of it: fields times the root of their weight.
@@ -160,5 +170,60 @@ impl Selection {
         inside.chain(
             outside.map(move |of| image[of.place] * (f64::from(scale) * of.weight.sqrt()) as f32),
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIDE: usize = 30;
+
+    fn disc(radius: f64) -> Vec<bool> {
+        let from_middle = |at: usize| at as f64 - 15.0;
+        let inside = |i: usize| from_middle(i / SIDE).hypot(from_middle(i % SIDE)) < radius;
+        (0..SIDE * SIDE).map(inside).collect()
+    }
+
+    fn without_leakage(mask: &[bool], valid: &[bool]) -> [Selection; 2] {
+        let coherence = SpatialCoherence::from_function(6, |dy, dx| {
+            (-((dy * dy + dx * dx) as f64) / 2.0).exp()
+        });
+        let all = Selection::new(valid, mask, SIDE, None).unwrap();
+        let spread = PointSpread::of(&coherence);
+        let without = all.clone().without_leakage(&spread, &coherence, mask, valid);
+        let [before, after] = [&all, &without].map(|of| of.looks(&coherence, 1.0));
+        assert!(after > 0.5 * before, "{before} {after}");
+        [all, without]
+    }
+
+    #[test]
+    fn light_is_taken_off_where_enough_looks_are_left() {
+        let everywhere = vec![true; SIDE * SIDE];
+        for radius in [6.0, 10.0] {
+            let [all, without] = without_leakage(&disc(radius), &everywhere);
+            assert!(without.leakage().is_some_and(|light| light > 0.05), "{radius}");
+            assert!(without.held() > all.held() && without.pixels() == all.pixels());
+        }
+        // A pixel or two; a region without surroundings that can be used; one that fills the image.
+        let mask = disc(6.0);
+        for (mask, valid) in [(&disc(1.2), &everywhere), (&mask, &mask), (&everywhere, &everywhere)]
+        {
+            let [all, without] = without_leakage(mask, valid);
+            assert!(without.leakage().is_none() && without.held() == all.held());
+        }
+    }
+
+    /// Light of bright surroundings is noise, too, that is taken off.
+    #[test]
+    fn bright_surroundings_leave_fewer_looks() {
+        let coherence = SpatialCoherence::from_function(0, |_, _| 1.0);
+        let [all, without] = without_leakage(&disc(8.0), &[true; SIDE * SIDE]);
+        assert_eq!(all.looks(&coherence, 5.0), all.pixels() as f64);
+        let looks = [0.0, 1.0, 5.0].map(|brightness| without.looks(&coherence, brightness));
+        assert!(looks[0] > looks[1] && looks[1] > looks[2], "{looks:?}");
+        let held = |i: usize| if i < all.pixels() { 2.0 } else { 6.0 };
+        assert_eq!(all.brightness(held), 1.0);
+        assert!(without.brightness(held) > 1.0);
     }
 }

@@ -76,9 +76,13 @@ impl First {
         let coherence = SpatialCoherence::estimate(&self.series, &self.survey.within(mask), &[0])?;
         if !keep_leakage {
             let image = SpatialCoherence::estimate(&self.series, &self.survey, &[0])?;
-            selection = selection.without_leakage(&PointSpread::of(&image), mask, valid);
+            let spread = PointSpread::of(&image);
+            selection = selection.without_leakage(&spread, &coherence, mask, valid);
         }
-        let looks = selection.looks(&coherence);
+        let held: Vec<Complex32> =
+            selection.of_image(self.series.frame(0), self.survey.scale).collect();
+        let brightness = selection.brightness(|i| f64::from(held[i].norm_sqr()));
+        let looks = selection.looks(&coherence, brightness);
         Ok((selection, looks))
     }
 

@@ -7,7 +7,7 @@ use crate::curve::{Linked, Region, Selection, curve, link_region, subtract, wind
 use crate::error::{Error, Result};
 use crate::figures::{Canvas, PhaseCurve};
 use crate::io::{CurveRow, Series, Shape, read_mask, without_rim, write_curve};
-use crate::looks::PointSpread;
+use crate::looks::{PointSpread, SpatialCoherence};
 use crate::method::{Method, Plan};
 use crate::notes;
 use crate::progress::Progress;
@@ -210,8 +210,12 @@ struct Ground<'a> {
 }
 
 impl Ground<'_> {
-    /// The pixels of the mask, and how many independent looks they are; with what depths and recordings add to them.
-    fn select(&self, masks: &Masks) -> Result<(Selection, f64, AddedLooks)> {
+    /// The pixels of the mask, how far their speckle reaches, and what depths and recordings add to their looks.
+    fn select(
+        &self,
+        masks: &Masks,
+        path: &Path,
+    ) -> Result<(Selection, SpatialCoherence, AddedLooks)> {
         let Task { good, plan, .. } = self.task;
         let width = good.shape().width;
         let usable = self.survey.within(&masks.inner);
@@ -223,12 +227,12 @@ impl Ground<'_> {
         let window = (linked && plan.depths.has_two_layers())
             .then(|| coherence.block_of_looks(wanted, added.depths, good.shape()));
         let valid = &self.survey.valid;
-        let mut selection = Selection::new(valid, &masks.inner, width, window)?;
+        let mut selection = Selection::new(valid, &masks.inner, width, window)
+            .map_err(|error| error.about(path))?;
         if let Some(spread) = &self.spread {
-            selection = selection.without_leakage(spread, &masks.drawn, valid);
+            selection = selection.without_leakage(spread, &coherence, &masks.drawn, valid);
         }
-        let looks = selection.looks(&coherence);
-        Ok((selection, looks, added))
+        Ok((selection, coherence, added))
     }
 
     /// The curve of the region that `flag` asked for, and the direct difference for the figure.
@@ -236,12 +240,11 @@ impl Ground<'_> {
         let Task { arguments, good, plan, .. } = self.task;
         let frames = good.shape().frames;
         let progress = Progress::new(name, 2 * frames as u64);
-        let (selection, pixel_looks, added) =
-            self.select(masks).map_err(|error| error.about(path))?;
+        let (selection, coherence, added) = self.select(masks, path)?;
         let bytes = selection.bytes(frames, plan.depths.all().len());
         let (left_out, leakage) = (selection.left_out(), selection.leakage());
         let region = Region::read(good, self.survey.scale, selection, plan, &progress)?;
-        let effective_looks = pixel_looks * added.product();
+        let effective_looks = region.looks(&coherence) * added.product();
         let nominal = (region.pixels() * arguments.series.len()) as f64;
         let looks = arguments.looks().choose(nominal, effective_looks);
         check_looks(plan.method, looks, flag)?;
