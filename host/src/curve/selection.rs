@@ -8,8 +8,9 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Share of the looks that must be left where light is taken off.
-const LEAST_LOOKS: f64 = 0.5;
+/// Share of the looks that must be left where light is taken off, and their number.
+const LEAST_SHARE: f64 = 0.5;
+const LEAST_LOOKS: f64 = 8.0;
 
 /// Pixels of a sub-window; without any, the whole region is one.
 #[derive(Clone, Debug, PartialEq)]
@@ -72,7 +73,8 @@ impl Selection {
 
     /// The same, with the light that the point spread brings from outside of `drawn` taken off: of the mask with the
     /// pixels that move with it, but are not used. `valid` as in [`Self::new`]. Where that would leave less than half of
-    /// the looks that there are by `coherence`, in regions that are small or thin, nothing is taken off.
+    /// the looks that there are by `coherence`, or fewer than eight, in regions that are small or thin, nothing is taken
+    /// off.
     #[must_use]
     pub fn without_leakage(
         self,
@@ -103,8 +105,8 @@ impl Selection {
             without.outside.extend(around.pixels);
             window.outside = start..without.inside.len() + without.outside.len();
         }
-        let left = without.looks(coherence, 1.0);
-        if left > LEAST_LOOKS * self.looks(coherence, 1.0) { without } else { self }
+        let least = LEAST_LOOKS.max(LEAST_SHARE * self.looks(coherence, 1.0));
+        if without.looks(coherence, 1.0) > least { without } else { self }
     }
 
     /// Number of pixels of the mask that are used.

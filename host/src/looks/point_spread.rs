@@ -159,8 +159,8 @@ mod tests {
         let spread = PointSpread::of(&airy(0.24, 6));
         for x in [0, 10, 19, 21, 40, WIDTH - 1] {
             let [edge, middle] = [x, 40 * WIDTH + x].map(|at| spread.light_of(&mask, WIDTH, at));
-            // Some of the far rings are cut off differently.
-            assert!((edge - middle).abs() < 0.005, "{x}: {edge} {middle}");
+            // The 6 % from further than the reach are cut off elsewhere by the image's other edges.
+            assert!((edge - middle).abs() < 0.02, "{x}: {edge} {middle}");
         }
         assert!(spread.light_of(&mask, WIDTH, 0) > 0.98);
     }
