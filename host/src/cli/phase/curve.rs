@@ -305,8 +305,10 @@ impl Evaluated {
         } else {
             String::new()
         };
-        let leakage = self.leakage.map_or_else(String::new, |share| {
-            format!(", {:.1} % of their light, from outside, taken off", 100.0 * share)
+        // Less is chance where pixels are independent.
+        let seen = self.leakage.filter(|&share| share >= 0.001);
+        let leakage = seen.map_or_else(String::new, |share| {
+            format!(" ({:.1} % of their light, from outside, taken off)", 100.0 * share)
         });
         format!("{} pixels{left_out}{leakage}", self.pixels)
     }
