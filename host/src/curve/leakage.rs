@@ -13,10 +13,13 @@
 //! sum over x of C(x) - sum over x' of w(x') C(x'),   w(x') = beta sum over y of k(x' - y),
 //! beta = sum over x of (1 - K(x)) / sum over x' of (1 - K(x')) sum over y of k(x' - y),
 //! ```
-//! holds nothing of S_out; y are the mask's pixels there, also those of a rim that is left out. Each sub-window has its own, so only its neighbourhood need move as one. Without it the phase
-//! of a region whose surroundings rest is too small: between neighbouring frames by the share of light from outside, less
-//! where the phases are further apart. Beta is 8 at most: what reaches a sub-window from further than |mu|^2 is known is
-//! hardly seen at its own rim. Beyond the image's edge mask and surroundings go on. What has the phase of the region on both sides of the mask's edge loses light only.
+//! holds nothing of S_out; y are the mask's pixels there, also those of a rim that is left out. Each sub-window has its
+//! own, so only its neighbourhood need move as one. Beta is 8 at most: what reaches a sub-window from further than |mu|^2
+//! is known is hardly seen at its own rim. Beyond the image's edge mask and surroundings go on.
+//!
+//! Without it the phase of a region whose surroundings rest is too small: between neighbouring frames by the share of light
+//! from outside, less where the phases are further apart. Where both sides of the mask's edge have one phase, only light
+//! is lost.
 
 use crate::looks::PointSpread;
 use rayon::prelude::*;
