@@ -138,6 +138,13 @@ fn fraction(text: &str) -> std::result::Result<f64, String> {
     if value.is_finite() { Ok(value) } else { Err(format!("'{text}' is not a finite number")) }
 }
 
+/// What `--keep-leakage` is refused with elsewhere.
+fn leakage_is_of_linked_curves() -> Error {
+    Error::usage(
+        "--keep-leakage is for curves (--mask) of --method linked, which alone takes that light off: leave it out",
+    )
+}
+
 /// Refuse to write over one of the inputs.
 fn check_output(flag: &str, output: &Path, inputs: &[&Path]) -> Result<()> {
     let Ok(target) = output.canonicalize() else { return Ok(()) };

@@ -1,7 +1,7 @@
 //! Where the light of a pixel comes from: k(d), the share that comes from the place at a distance d.
 //!
 //! Behind an aperture of even transmission the point spread |h(d)|^2 is proportional to |mu(d)|^2: both h and mu are the
-//! Fourier transform of the pupil, which is 0 or 1 and so its own square (Goodman, Statistical Optics, section 5.6). What
+//! Fourier transform of the pupil, which is 0 or 1 and so its own square (theorem of van Cittert and Zernike). What
 //! only blurs the image, as defocus does, mu does not show: then k is too narrow. Noise of pixels makes it narrower too.
 
 use super::SpatialCoherence;
@@ -159,7 +159,7 @@ mod tests {
         let spread = PointSpread::of(&airy(0.24, 6));
         for x in [0, 10, 19, 21, 40, WIDTH - 1] {
             let [edge, middle] = [x, 40 * WIDTH + x].map(|at| spread.light_of(&mask, WIDTH, at));
-            // The 6 % from further than the reach are cut off elsewhere by the image's other edges.
+            // The 8 % from further than the reach are cut off elsewhere by the image's other edges.
             assert!((edge - middle).abs() < 0.02, "{x}: {edge} {middle}");
         }
         assert!(spread.light_of(&mask, WIDTH, 0) > 0.98);

@@ -1,6 +1,6 @@
 //! The options of `phase`, and what they alone can tell.
 
-use crate::cli::check_output;
+use crate::cli::{check_output, leakage_is_of_linked_curves};
 use crate::error::{Error, Result};
 use crate::io::npy::sibling;
 use crate::io::{Format, Recordings, Series, times_beside};
@@ -321,10 +321,7 @@ impl Arguments {
             ));
         }
         if self.keep_leakage && (self.mask.is_none() || self.method != MethodName::Linked) {
-            return Err(Error::usage(
-                "--keep-leakage is for curves (--mask) of --method linked, which alone takes that light off: leave it \
-                 out",
-            ));
+            return Err(leakage_is_of_linked_curves());
         }
         if !self.at.is_empty() && (self.mask.is_some() || self.figure.is_none()) {
             return Err(Error::usage(

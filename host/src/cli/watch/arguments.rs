@@ -1,6 +1,6 @@
 //! The options of `watch`, and what they alone can tell.
 
-use crate::cli::check_output;
+use crate::cli::{check_output, leakage_is_of_linked_curves};
 use crate::error::{Error, Result};
 use crate::io::{CurveFile, Format};
 use crate::looks::Looks;
@@ -149,10 +149,7 @@ impl Arguments {
             ));
         }
         if self.keep_leakage && self.method() == MethodName::Paper {
-            return Err(Error::usage(
-                "--keep-leakage is for curves (--mask) of --method linked, which alone takes that light off: leave it \
-                 out",
-            ));
+            return Err(leakage_is_of_linked_curves());
         }
         if !(1..=LARGEST_LAG).contains(&self.max_lag()) {
             let lag = self.max_lag();
