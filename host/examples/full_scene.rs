@@ -4,9 +4,10 @@
 //! cargo run --release --example full_scene [-- SEEDS [WIDTH HEIGHT]]
 //! ```
 //! Prints, for sigma = lambda/32 and lambda/16, the rms error of the curve over the x at the last frame for
-//! each method (also without the rim of the x, into which the aperture mixes light from outside: with so many looks that
-//! is the larger error; linked phases are those with that light taken off, and with it), the Cramer-Rao bound of a random walk with as many looks, the amplitude of the
-//! field's autocorrelation outside the x, and what the simulation took.
+//! each method (also without the rim of the x, into which the aperture mixes light from outside: with so many looks
+//! that is the larger error; linked phases are those with that light taken off, and with it), the Cramer-Rao bound of
+//! a random walk with as many looks, the amplitude of the field's autocorrelation outside the x, and what the
+//! simulation took.
 
 use num_complex::Complex32;
 use phasewalk::curve::{Region, Selection, curve};
@@ -83,14 +84,12 @@ impl Summary {
         for (i, &(_, method, take_off)) in METHODS.iter().enumerate() {
             for (region, pixels) in [&mask, &inner].into_iter().enumerate() {
                 let all = Selection::new(valid, pixels, width, None)?;
-                let (selection, looks) = if take_off {
-                    let selection = all.without_leakage(&spread, &usable, &mask, valid);
-                    let looks = selection.looks(&usable, 1.0);
-                    (selection, looks)
+                let selection = if take_off {
+                    all.without_leakage(&spread, &usable, &mask, valid)
                 } else {
-                    (all, effective_looks)
+                    all
                 };
-                let (phase, sigma) = last_frame(&series, survey.scale, selection, method, looks)?;
+                let (phase, sigma) = last_frame(&series, survey.scale, selection, method, &usable)?;
                 self.squares[region][i] += (phase - self.truth_rad).powi(2);
                 self.sigmas[i] += if region == 0 { sigma } else { 0.0 };
             }
@@ -157,12 +156,13 @@ fn last_frame(
     scale: f32,
     selection: Selection,
     method: Method,
-    effective_looks: f64,
+    coherence: &SpatialCoherence,
 ) -> Result<(f64, f64)> {
     let frames = phasewalk::io::Series::shape(series).frames;
     let plan = Plan::new(method, frames, None, None, Depths::single())?;
     let progress = Progress::hidden();
     let region = Region::read(series, scale, selection, &plan, &progress)?;
+    let effective_looks = region.looks(coherence);
     let looks = match method {
         Method::Paper(Weighting::Fisher) => effective_looks,
         _ => region.pixels() as f64,

@@ -80,9 +80,9 @@ fn discs(series: &HeldSeries, radius: f64) -> Vec<Disc> {
         let selection = selection.expect("the disc has pixels");
         let spread = PointSpread::of(&coherence);
         let selection = selection.without_leakage(&spread, &coherence, &mask, &survey.valid);
-        let effective_looks = selection.looks(&coherence, 1.0);
         let region = Region::read(series, survey.scale, selection, &plan, &silent);
         let region = region.expect("it is in memory");
+        let effective_looks = region.looks(&coherence);
         let score = |looks: f64| {
             let linked = link_region(&region, &plan, looks, &silent).expect("there is memory");
             let end = linked.rows.last().expect("there are frames");
