@@ -24,13 +24,12 @@
 //! eliminated frames stay and back-substitution gives their smoothed phases; with all of them and
 //! L = N - 1 the result is the paper's batch solution.
 
+mod elimination;
+
 use crate::reference::reference_mean;
 use crate::scalar::{Scalar, is_number};
 use crate::storage::{Link, Matrix, Node};
 use core::marker::PhantomData;
-
-/// Frames that are eliminated together in a batch: each link behind them is then read and written once for four.
-const PANEL: usize = 4;
 
 /// A frame at the moment of its elimination.
 pub(crate) struct Eliminated<'a, T> {
@@ -150,9 +149,9 @@ where
 
     /// The same, showing each frame as it is eliminated.
     #[inline]
-    pub(crate) fn push_frame_with(&mut self, seen: impl FnMut(&Eliminated<'_, T>)) {
+    pub(crate) fn push_frame_with(&mut self, mut seen: impl FnMut(&Eliminated<'_, T>)) {
         if self.frames > self.lags && self.frames - self.lags > self.eliminated {
-            self.eliminate(self.frames - 1, self.gauge, seen);
+            self.eliminate(self.frames - 1, self.gauge, &mut seen);
         }
         let slot = self.slot(self.frames);
         let lags = self.lags;
@@ -220,13 +219,7 @@ where
         let Some(last) = self.frames.checked_sub(1) else { return };
         let gauge = self.gauge.min(last);
         while self.eliminated < self.frames {
-            let panel = self.eliminated..self.eliminated + PANEL;
-            // With a gauge among them, or where not all reach the end, they differ too much to go together.
-            if panel.end <= last && self.lags + panel.start >= last && !panel.contains(&gauge) {
-                self.eliminate_panel(last, &mut seen);
-            } else {
-                self.eliminate(last, gauge, &mut seen);
-            }
+            self.eliminate_next(last, gauge, &mut seen);
         }
     }
 
@@ -342,199 +335,6 @@ where
         }
         let slot = self.slot(t);
         self.links.as_mut().get_mut(slot * self.lags + dt - 1)
-    }
-
-    /// Eliminate the oldest [`PANEL`] waiting frames, which all reach to the frame `last`, with the same arithmetic in the
-    /// same order as one by one, but what lies behind them is read and written once for all of them.
-    #[inline(always)]
-    fn eliminate_panel(&mut self, last: usize, mut seen: impl FnMut(&Eliminated<'_, T>)) {
-        let first = self.eliminated;
-        let mut inverses = [T::zero(); PANEL];
-        for (i, inverse) in inverses.iter_mut().enumerate() {
-            let t = first + i;
-            self.eliminated += 1;
-            let Some(node) = self.count_reference(t) else { return };
-            *inverse = self.ground_neighbours(t, last - t, node);
-            for later in t + 1..first + PANEL {
-                self.join_row(t, later, last, *inverse);
-            }
-        }
-        for later in first + PANEL..=last {
-            self.join_row_to_panel(first, later, last, inverses);
-        }
-        for t in first..first + PANEL {
-            self.show(t, last - t, &mut seen);
-        }
-    }
-
-    /// Eliminate the oldest waiting frame; `last` is the newest frame, `gauge` the grounded one.
-    #[inline(always)]
-    fn eliminate(&mut self, last: usize, gauge: usize, mut seen: impl FnMut(&Eliminated<'_, T>)) {
-        let t = self.eliminated;
-        let reach = self.lags.min(last.saturating_sub(t));
-        self.eliminated += 1;
-        let Some(node) = self.count_reference(t) else { return };
-        if t == gauge {
-            self.ground_links(t, reach);
-        } else {
-            let inverse = self.ground_neighbours(t, reach, node);
-            for later in t + 1..=t + reach {
-                self.join_row(t, later, t + reach, inverse);
-            }
-        }
-        self.show(t, reach, &mut seen);
-    }
-
-    /// Count frame t, which is about to be eliminated, as one of the reference if it is.
-    #[inline(always)]
-    fn count_reference(&mut self, t: usize) -> Option<Node<T>> {
-        let in_reference = t < self.reference_frames;
-        let node = self.node_mut(t)?;
-        if in_reference {
-            node.reference += node.measured;
-        }
-        let node = *node;
-        if in_reference {
-            self.reference_count += node.measured;
-        }
-        Some(node)
-    }
-
-    /// Frame t has been eliminated.
-    #[inline(always)]
-    fn show(&self, t: usize, reach: usize, seen: &mut impl FnMut(&Eliminated<'_, T>)) {
-        if let (Some(row), Some(node)) = (self.row(t), self.node(t)) {
-            let links = row.get(..reach).unwrap_or(&[]);
-            seen(&Eliminated { links, pivot: node.pivot, reference: node.reference });
-        }
-    }
-
-    /// phi_t is the gauge: its links lead to ground from now on.
-    #[inline(always)]
-    fn ground_links(&mut self, t: usize, reach: usize) {
-        let (rows, lags) = (self.rows.max(1), self.lags);
-        let slot = self.slot(t);
-        let row = self.links.as_ref().get(slot * lags..slot * lags + reach).unwrap_or(&[]);
-        for (dt, link) in (1..).zip(row) {
-            if let Some(node) = self.nodes.as_mut().get_mut((t + dt) % rows) {
-                node.ground.conductance += link.conductance;
-                node.ground.flux = node.ground.flux - link.flux;
-            }
-        }
-    }
-
-    /// Star-mesh transformation: the neighbours j, k of t gain a link of conductance a_j a_k / p and
-    /// source c_k - c_j, that is of flux (a_j f_k - f_j a_k) / p. Here for the ground as k; gives 1 / p.
-    #[inline(always)]
-    fn ground_neighbours(&mut self, t: usize, reach: usize, node: Node<T>) -> T {
-        let (rows, lags, slot) = (self.rows.max(1), self.lags, self.slot(t));
-        let row = self.links.as_ref().get(slot * lags..slot * lags + reach).unwrap_or(&[]);
-        let Link { conductance: mut pivot, flux: mut outflow } = node.ground;
-        for link in row {
-            pivot += link.conductance;
-            outflow += link.flux;
-        }
-        let inverse = divide_by_pivot(T::one(), pivot);
-        self.reference_sum += node.reference * outflow * inverse;
-        if let Some(node) = self.nodes.as_mut().get_mut(slot) {
-            node.pivot = pivot;
-        }
-        for (dt, link) in (1..).zip(row) {
-            if let Some(neighbour) = self.nodes.as_mut().get_mut((t + dt) % rows) {
-                let (share, pull) = shares(*link, inverse);
-                neighbour.ground = join(neighbour.ground, node.ground, share, pull);
-                neighbour.reference = share.mul_add(node.reference, neighbour.reference);
-            }
-        }
-        inverse
-    }
-
-    /// The new links of frame `later` to the frames behind it up to `last` (j and k of [`Self::ground_neighbours`]), from the
-    /// eliminated frame t with its 1 / p.
-    #[inline(always)]
-    fn join_row(&mut self, t: usize, later: usize, last: usize, inverse: T) {
-        let Some((row, others)) = self.row_and_others(later, last) else { return };
-        let Some((link, farther)) = others.beyond(t) else { return };
-        let (share, pull) = shares(link, inverse);
-        for (joined, &link) in row.iter_mut().zip(farther) {
-            *joined = join(*joined, link, share, pull);
-        }
-    }
-
-    /// The same of all frames of a panel, one after the other.
-    #[inline(always)]
-    fn join_row_to_panel(&mut self, first: usize, later: usize, last: usize, inverses: [T; PANEL]) {
-        let Some((row, others)) = self.row_and_others(later, last) else { return };
-        let parts = [0, 1, 2, 3].map(|i| others.beyond(first + i));
-        let [Some((a, row_a)), Some((b, row_b)), Some((c, row_c)), Some((d, row_d))] = parts else {
-            return;
-        };
-        let [a, b, c, d] = [
-            shares(a, inverses[0]),
-            shares(b, inverses[1]),
-            shares(c, inverses[2]),
-            shares(d, inverses[3]),
-        ];
-        let links = row_a.iter().zip(row_b).zip(row_c).zip(row_d);
-        for (joined, (((&of_a, &of_b), &of_c), &of_d)) in row.iter_mut().zip(links) {
-            let mut sum = join(*joined, of_a, a.0, a.1);
-            sum = join(sum, of_b, b.0, b.1);
-            sum = join(sum, of_c, c.0, c.1);
-            *joined = join(sum, of_d, d.0, d.1);
-        }
-    }
-
-    /// The links of frame `later` up to frame `last`, to be changed, and those of the others.
-    #[inline(always)]
-    fn row_and_others(
-        &mut self,
-        later: usize,
-        last: usize,
-    ) -> Option<(&mut [Link<T>], Others<'_, T>)> {
-        let (rows, lags, slot) = (self.rows.max(1), self.lags, self.slot(later));
-        let (before, rest) = self.links.as_mut().split_at_mut_checked(slot * lags)?;
-        let (row, after) = rest.split_at_mut_checked(lags)?;
-        let others = Others { before, after, rows, lags, later, count: last.checked_sub(later)? };
-        Some((row.get_mut(..others.count)?, others))
-    }
-}
-
-/// The rows of links but that of frame `later`.
-struct Others<'a, T> {
-    before: &'a [Link<T>],
-    after: &'a [Link<T>],
-    rows: usize,
-    lags: usize,
-    later: usize,
-    /// Frames behind `later` that are looked at.
-    count: usize,
-}
-
-impl<'a, T: Scalar> Others<'a, T> {
-    /// The link of the earlier frame t to `later`, and those to the frames behind.
-    #[inline(always)]
-    fn beyond(&self, t: usize) -> Option<(Link<T>, &'a [Link<T>])> {
-        let (own, slot) = (self.later % self.rows, t % self.rows);
-        let (part, row) =
-            if slot < own { (self.before, slot) } else { (self.after, slot.checked_sub(own + 1)?) };
-        let start = row * self.lags + self.later.checked_sub(t + 1)?;
-        let (link, farther) = part.get(start..=start + self.count)?.split_first()?;
-        Some((*link, farther))
-    }
-}
-
-/// a_j / p and -f_j / p of an eliminated node's link to j, for [`join`].
-#[inline(always)]
-fn shares<T: Scalar>(link: Link<T>, inverse: T) -> (T, T) {
-    (link.conductance * inverse, -(link.flux * inverse))
-}
-
-/// `joined` with what the eliminated node's `link` adds: a_j / p and -f_j / p times its a_k, f_k.
-#[inline(always)]
-fn join<T: Scalar>(joined: Link<T>, link: Link<T>, share: T, pull: T) -> Link<T> {
-    Link {
-        conductance: share.mul_add(link.conductance, joined.conductance),
-        flux: share.mul_add(link.flux, pull.mul_add(link.conductance, joined.flux)),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::fir::{self, Sink};
 use super::strip::{Columns, Layout};
-use crate::lanes::Lanes;
+use crate::lanes::{Lanes, fetch_ahead};
 use crate::planes::Layers;
 use num_complex::Complex;
 use phasewalk_core::cross_spectrum::cross_spectrum;
@@ -69,6 +69,8 @@ impl<'a, L: Lanes> Pair<'a, L> {
         let plane = self.columns.plane();
         let mut sum = Complex { re: L::zero(), im: L::zero() };
         for z in depths {
+            // The same line of the next vector: the passes over this one take as long as it needs to come.
+            fetch_ahead(self.later, z * plane + place + self.columns.tall);
             let c = cross_spectrum(self.earlier[z * plane + place], self.later[z * plane + place]);
             sum.re += c.re;
             sum.im += c.im;

@@ -1,6 +1,6 @@
 //! From the filtered pairs of one vector of pixels to their phases.
 
-use crate::lanes::Lanes;
+use crate::lanes::{Lanes, fetch_ahead};
 use crate::method::{Method, Plan};
 use phasewalk_core::batch::solve_series;
 use phasewalk_core::reference::subtract_reference;
@@ -17,6 +17,18 @@ pub struct Sample<L> {
     pub phase: L,
     /// w.
     pub weight: L,
+}
+
+/// How many samples ahead memory is asked for them.
+const SAMPLES_AHEAD: usize = 16;
+
+/// Phase and weight of sample `next`, which moves on; zeros behind the last one.
+#[inline(always)]
+pub(super) fn take_sample<L: Lanes>(samples: &[Sample<L>], next: &mut usize) -> (L, L) {
+    fetch_ahead(samples, *next + SAMPLES_AHEAD);
+    let sample = samples.get(*next).map_or((L::zero(), L::zero()), |s| (s.phase, s.weight));
+    *next += 1;
+    sample
 }
 
 /// Buffers of the solution, one vector of pixels wide, and the vector's results.
@@ -83,12 +95,12 @@ impl<L: Lanes> Workspace<L> {
             }
             // Linked phases are computed frame by frame (`linked`).
             Method::Paper(_) | Method::Linked => {
-                let mut samples = samples.iter();
+                let mut next = 0;
                 solve_series(
                     &mut self.solver,
                     &plan.params,
                     &plan.times_s,
-                    |_, _| samples.next().map_or((L::zero(), L::zero()), |s| (s.phase, s.weight)),
+                    |_, _| take_sample(samples, &mut next),
                     &mut self.phases,
                     &mut self.measured,
                 );

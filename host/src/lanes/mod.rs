@@ -65,6 +65,16 @@ impl Drop for Stream {
     }
 }
 
+/// Ask for `slice[at]`, which will be read soon (it may be beyond the end, to no effect): memory then fetches it while
+/// other work is done. The machine itself looks ahead in a line of reads, but not beyond a page of 4 KiB.
+#[inline(always)]
+pub fn fetch_ahead<T>(slice: &[T], at: usize) {
+    #[cfg(target_arch = "x86_64")]
+    x86::fetch_ahead(slice.as_ptr().wrapping_add(at).cast(), size_of::<T>());
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (slice, at);
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

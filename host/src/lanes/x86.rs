@@ -50,6 +50,18 @@ pub fn wait_for_streams() {
     unsafe { _mm_sfence() }
 }
 
+/// Bytes of a line of the caches.
+const LINE: usize = 64;
+
+/// Ask the caches for so many bytes from `place` on.
+#[inline(always)]
+pub fn fetch_ahead(place: *const i8, bytes: usize) {
+    for offset in (0..bytes).step_by(LINE) {
+        // SAFETY: every x86-64 has the instruction, which reads nothing, so that any address will do.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(place.wrapping_add(offset)) }
+    }
+}
+
 macro_rules! register_lanes {
     ($lanes:ident, $width:literal, $mask:ident, $add:ident, $sub:ident, $mul:ident, $div:ident,
      $set:ident, $sqrt:ident, $estimate:ident, $fma:ident, |$x:ident| $abs:expr, |$a:ident, $b:ident| $lt:expr,

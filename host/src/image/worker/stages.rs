@@ -1,5 +1,6 @@
 //! The stages of the least squares, timed (`super::super::stages`).
 
+use super::super::phase::take_sample;
 use super::super::stages::{Frames, Laps, Stage, time_passes, time_sink};
 use super::{PairSamples, Run, Worker, unload};
 use crate::error::Result;
@@ -71,9 +72,8 @@ impl<L: Lanes> Worker<L> {
         let mut solver = Solver::with_storage(links, nodes, lags, plan.gauge(), references);
         let (mut phases, mut measured) = (vec![L::zero(); frames], vec![L::zero(); frames]);
         for (place, samples) in self.samples.chunks_exact(self.pairs.len()).enumerate() {
-            let mut samples = samples.iter();
-            let next =
-                |_, _| samples.next().map_or((L::zero(), L::zero()), |s| (s.phase, s.weight));
+            let mut next = 0;
+            let next = |_, _| take_sample(samples, &mut next);
             let start = Instant::now();
             assemble_series(&mut solver, params, &plan.times_s, next);
             laps.end(Stage::Assemble, start);
