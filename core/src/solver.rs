@@ -420,6 +420,33 @@ mod tests {
         }
     }
 
+    /// With every number of lags and of frames that a ring with room for more can have: what is eliminated in panels
+    /// and what frame by frame ends in the same newest phase.
+    #[test]
+    fn a_ring_with_room_for_more_lags_is_the_batch_at_every_frame() {
+        const FRAMES: usize = 40;
+        let phase = |t: usize, s: usize| libm::sin((7 * t + 3 * s) as f64);
+        let weight = |t: usize, s: usize| 1.0 / (1 + (t + s) % 5) as f64;
+        for lags in 1..=12 {
+            let mut ring = FixedSolver::<f64, 13, 12>::new(lags, 4, 5);
+            for frame in 0..FRAMES {
+                ring.push_frame();
+                let mut batch = FixedSolver::<f64, FRAMES, 39>::new(lags, 4, 5);
+                batch.begin_batch(frame + 1);
+                for dt in 1..=lags.min(frame) {
+                    ring.add_pair(frame - dt, dt, phase(frame - dt, frame), weight(frame - dt, dt));
+                }
+                for s in 0..=frame {
+                    for dt in 1..=lags.min(s) {
+                        batch.add_pair(s - dt, dt, phase(s - dt, s), weight(s - dt, dt));
+                    }
+                }
+                let [ring, batch] = [ring.newest_phase(), batch.newest_phase()];
+                assert!((ring - batch).abs() < 1e-12, "{lags} lags, frame {frame}: {ring} {batch}");
+            }
+        }
+    }
+
     #[test]
     fn foreign_pairs_change_nothing() {
         let mut solver = FixedSolver::<f32, 3, 2>::new(2, 0, 1);

@@ -24,6 +24,10 @@ const FRAMES: [usize; 3] = [20, 40, 69];
 const REFERENCE: usize = 5;
 
 fn main() {
+    let folder = std::env::args().nth(1);
+    if let Some(folder) = &folder {
+        std::fs::create_dir_all(folder).expect("the folder of the pictures can be made");
+    }
     let bench = Bench::new();
     for (name, sigma) in [("slow", 32.0), ("fast", 16.0)] {
         let _ = bench.succeed(&format!("simulate speckle --sigma 1/{sigma} -o {name}.npy"));
@@ -44,7 +48,7 @@ fn main() {
     let middle = WIDTH / 2;
     evaluate(&bench, "mixed", "linked", |place| place % WIDTH < middle - 20 && still[place]);
     evaluate(&bench, "mixed", "linked", |place| place % WIDTH > middle + 20 && still[place]);
-    if let Some(folder) = std::env::args().nth(1) {
+    if let Some(folder) = folder {
         for picture in PICTURES {
             let target = std::path::Path::new(&folder).join(picture);
             std::fs::copy(bench.path(picture), target).expect("the folder takes the picture");

@@ -84,6 +84,9 @@ pub(crate) fn check() -> Result {
             Err(line) => failures.push(line),
         }
     }
+    failures.extend(recorded.not_among(&counted).map(|name| {
+        format!("{name}: recorded, but not counted any more: `cargo xtask instructions --record`")
+    }));
     if failures.is_empty() { Ok(()) } else { Err(failures.join("\n")) }
 }
 

@@ -218,6 +218,10 @@ where
         last: usize,
     ) -> Option<(TwoRows<'_, T>, Others<'_, T>)> {
         let (lags, slot) = (self.lags, self.slot(later));
+        // Behind the last row of the ring comes the first one, whatever else the buffer holds.
+        if slot + 1 >= self.rows {
+            return None;
+        }
         let count = last.checked_sub(later)?;
         let (before, rest) = self.links.as_mut().split_at_mut_checked(slot * lags)?;
         let (row, rest) = rest.split_at_mut_checked(lags)?;

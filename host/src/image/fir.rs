@@ -5,7 +5,7 @@
 //! ```
 //! What a tap adds to one result it adds, but for one number on each side, to its neighbour with the next tap. Where
 //! there are registers enough, blocks of neighbouring results keep these numbers: a tap then reads two of each channel
-//! for the whole block.
+//! for the whole block. Where half as many are, neighbours are summed side by side, so that no sum waits for itself.
 
 use crate::lanes::Lanes;
 
@@ -16,12 +16,12 @@ pub trait Sink<L, const CH: usize> {
     fn take(&mut self, place: usize, means: [L; CH]);
 }
 
-/// Lanes of the paths with 32 registers.
-const MANY_REGISTERS: usize = 16;
-
 /// Results of a block, and channels that are filtered together: 8 sums, 8 numbers on each side and a tap are 25 registers.
 const BLOCK: usize = 4;
 const TOGETHER: usize = 2;
+/// Registers that a block needs, and that 8 sums of neighbouring results do with what they are made of.
+const FOR_BLOCKS: usize = 32;
+const FOR_NEIGHBOURS: usize = 16;
 
 /// Filter a line of n + 2R numbers of each channel, `half` being h; result o goes to place `first + o stride`.
 #[inline(always)]
@@ -32,16 +32,35 @@ pub fn filter<L: Lanes, const CH: usize>(
     sink: &mut impl Sink<L, CH>,
 ) {
     let count = (line.len() + 2).saturating_sub(2 * half.len());
-    let blocks = if L::WIDTH >= MANY_REGISTERS { count / BLOCK } else { 0 };
-    for block in 0..blocks {
-        let results = in_block(&line[block * BLOCK..], half);
-        for (i, result) in results.into_iter().enumerate() {
-            sink.take(first + (block * BLOCK + i) * stride, result);
-        }
+    let (mut o, mut place) = (0, first);
+    while o < count {
+        let left = count - o;
+        let line = &line[o..];
+        let taken = if L::REGISTERS >= FOR_BLOCKS && left >= BLOCK {
+            give(in_block(line, half), [place, stride], sink)
+        } else if L::REGISTERS >= FOR_NEIGHBOURS && CH == 2 && left >= 4 {
+            give(neighbours::<L, CH, 4>(line, half), [place, stride], sink)
+        } else if L::REGISTERS >= FOR_NEIGHBOURS && CH == 4 && left >= 2 {
+            give(neighbours::<L, CH, 2>(line, half), [place, stride], sink)
+        } else {
+            give(neighbours::<L, CH, 1>(line, half), [place, stride], sink)
+        };
+        o += taken;
+        place += taken * stride;
     }
-    for o in blocks * BLOCK..count {
-        sink.take(first + o * stride, alone(&line[o..], half));
+}
+
+/// Hand neighbouring results over; gives their number.
+#[inline(always)]
+fn give<L: Copy, const CH: usize, const N: usize>(
+    results: [[L; CH]; N],
+    [first, stride]: [usize; 2],
+    sink: &mut impl Sink<L, CH>,
+) -> usize {
+    for (i, &result) in results.iter().enumerate() {
+        sink.take(first + i * stride, result);
     }
+    N
 }
 
 /// The results at the beginning of a line.
@@ -93,22 +112,30 @@ fn in_registers<L: Lanes, const CH: usize>(
     sums
 }
 
-/// The result at the beginning of a line.
+/// The first results of a line.
 #[inline(always)]
-fn alone<L: Lanes, const CH: usize>(line: &[[L; CH]], half: &[L]) -> [L; CH] {
-    let [middle, taps @ ..] = half else { return [L::zero(); CH] };
-    let (left, right) = line.split_at(taps.len());
-    let mut sum = right[0];
-    for channel in &mut sum {
-        *channel = *channel * *middle;
-    }
-    let sides = left.iter().rev().zip(&right[1..]);
-    for ((before, after), &tap) in sides.zip(taps) {
+fn neighbours<L: Lanes, const CH: usize, const N: usize>(
+    line: &[[L; CH]],
+    half: &[L],
+) -> [[L; CH]; N] {
+    let mut sums = [[L::zero(); CH]; N];
+    let [middle, taps @ ..] = half else { return sums };
+    let radius = taps.len();
+    for o in 0..N {
         for c in 0..CH {
-            sum[c] = (before[c] + after[c]).mul_add(tap, sum[c]);
+            sums[o][c] = line[radius + o][c] * *middle;
         }
     }
-    sum
+    let before = line[..radius + N - 1].windows(N).rev();
+    let after = line[radius + 1..].windows(N);
+    for ((before, after), &tap) in before.zip(after).zip(taps) {
+        for o in 0..N {
+            for c in 0..CH {
+                sums[o][c] = (before[o][c] + after[o][c]).mul_add(tap, sums[o][c]);
+            }
+        }
+    }
+    sums
 }
 
 #[cfg(test)]

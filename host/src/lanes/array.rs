@@ -118,6 +118,8 @@ macro_rules! array_lanes {
         impl<const W: usize> Lanes for Array<$element, W> {
             type Element = $element;
             const WIDTH: usize = W;
+            // Of a machine with 16 registers of 4 `f32` at least.
+            const REGISTERS: usize = 16 * 16 / (W * size_of::<$element>());
 
             #[inline(always)]
             fn rotate_up(self) -> Self {

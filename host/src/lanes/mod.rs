@@ -30,6 +30,9 @@ pub trait Lanes: Scalar + Send + Sync + 'static {
     /// How many lanes.
     const WIDTH: usize;
 
+    /// How many vectors the machine's registers hold, as far as is known when it is compiled.
+    const REGISTERS: usize;
+
     /// Each lane gets the number of the lane before it, the first that of the last.
     #[must_use]
     fn rotate_up(self) -> Self;

@@ -63,7 +63,7 @@ pub fn fetch_ahead(place: *const i8, bytes: usize) {
 }
 
 macro_rules! register_lanes {
-    ($lanes:ident, $width:literal, $mask:ident, $add:ident, $sub:ident, $mul:ident, $div:ident,
+    ($lanes:ident, $width:literal, $registers:literal, $mask:ident, $add:ident, $sub:ident, $mul:ident, $div:ident,
      $set:ident, $sqrt:ident, $estimate:ident, $fma:ident, |$x:ident| $abs:expr, |$a:ident, $b:ident| $lt:expr,
      |$chosen:ident, $yes:ident, $no:ident| $select:expr, $stream:ident, |$up:ident| $rotate_up:expr,
      |$down:ident| $rotate_down:expr) => {
@@ -189,6 +189,7 @@ macro_rules! register_lanes {
         impl Lanes for $lanes {
             type Element = f32;
             const WIDTH: usize = $width;
+            const REGISTERS: usize = $registers;
 
             #[inline(always)]
             fn stream_to(self, place: &mut Self, _: &Stream) {
@@ -231,6 +232,7 @@ macro_rules! register_lanes {
 register_lanes!(
     F32x16,
     16,
+    32,
     Mask16,
     _mm512_add_ps,
     _mm512_sub_ps,
@@ -257,6 +259,7 @@ register_lanes!(
 register_lanes!(
     F32x8,
     8,
+    16,
     Mask8,
     _mm256_add_ps,
     _mm256_sub_ps,

@@ -11,10 +11,13 @@ pub struct Scores {
 
 impl Scores {
     /// Phases against the first frame, their standard deviations (infinite: not measured, NaN: not told), and the
-    /// truth.
+    /// truth. Where the first frame has no phase the others have one against another frame, which does not count.
     #[must_use]
     pub fn of(phases: &[f64], sigmas: &[f64], truth: &[f64]) -> Self {
         let mut scores = Self { end: f64::NAN, squares: 0.0, frames: 0 };
+        if phases.first().is_none_or(|phase| phase.is_nan()) {
+            return scores;
+        }
         for (i, (&phase, &sigma)) in phases.iter().zip(sigmas).enumerate().skip(1) {
             let error = phase - (truth[i] - truth[0]);
             if !error.is_finite() || sigma.is_infinite() {
@@ -82,5 +85,34 @@ impl std::fmt::Display for Score {
             write!(f, ", {} lost", self.lost)?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_are_taken_over_sigma_and_over_the_bound() {
+        let trials = [
+            Scores::of(&[0.0, 1.3, 2.5], &[0.0, 0.1, 0.5], &[0.0, 1.0, 2.0]),
+            Scores::of(&[0.0, 1.1, 1.5], &[0.0, 0.1, 0.5], &[0.0, 1.0, 2.0]),
+        ];
+        let score = Score::new(trials.iter(), 0.25);
+        assert!((score.over_bound - 2.0).abs() < 1e-12 && score.lost == 0, "{score}");
+        assert!((score.z - (12.0_f64 / 4.0).sqrt()).abs() < 1e-9, "{score}");
+    }
+
+    /// Frames that are not measured have no score; a series without its first or last frame has no end.
+    #[test]
+    fn what_is_not_measured_does_not_count() {
+        let truth = [0.0, 1.0, 2.0];
+        let trials = [
+            Scores::of(&[0.0, f64::NAN, 2.5], &[0.0, f64::INFINITY, 0.5], &truth),
+            Scores::of(&[f64::NAN, 0.0, 1.0], &[f64::INFINITY, 0.0, 0.1], &truth),
+            Scores::of(&[0.0, 1.5, f64::NAN], &[0.0, 0.5, f64::INFINITY], &truth),
+        ];
+        let score = Score::new(trials.iter(), 0.5);
+        assert_eq!((score.over_bound, score.z, score.lost), (1.0, 1.0, 2));
     }
 }

@@ -54,6 +54,12 @@ impl Table {
         Ok(table)
     }
 
+    /// Names that the other table lacks.
+    pub(super) fn not_among<'a>(&'a self, other: &'a Self) -> impl Iterator<Item = &'a str> {
+        let names = self.counts.iter().map(|(name, _)| name.as_str());
+        names.filter(|&name| other.counts.iter().all(|(known, _)| known != name))
+    }
+
     /// One line about a new count: `Err` where it differs too much from the recorded one.
     pub(super) fn judge(&self, name: &str, count: u64, rustc: &str) -> Result<String> {
         let again = "`cargo xtask instructions --record`";
@@ -97,6 +103,13 @@ mod tests {
         assert_eq!(Table::parse(&table().text()), Ok(table()));
         assert_eq!(Table::parse("\"curve\" = many"), Err("\"curve\" = many"));
         assert_eq!(Table::parse("curve"), Err("curve"));
+    }
+
+    #[test]
+    fn what_is_no_longer_counted_is_named() {
+        let counted = Table { counts: vec![("curve".to_owned(), 78)], ..table() };
+        assert_eq!(table().not_among(&counted).collect::<Vec<_>>(), ["images, paper"]);
+        assert_eq!(counted.not_among(&table()).count(), 0);
     }
 
     #[test]

@@ -20,7 +20,7 @@ impl Picture {
             Some("svg") => Ok(Self::Svg),
             _ => {
                 let path = path.display();
-                Err(Error::usage(format!("--figure {path}: figures go to .png or .svg")))
+                Err(Error::usage(format!("{path}: pictures go to .png or .svg")))
             }
         }
     }
