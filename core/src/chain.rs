@@ -32,13 +32,12 @@ pub fn unwrap_chain<T: Scalar, Q: Real>(phases: &mut [T], times: &[f64], quality
         return;
     }
     let steps = chain.clone().zip(chain.clone().skip(1));
-    let interval = |&(i, j): &(usize, usize)| time(times, j) - time(times, i);
-    let shortest = steps.clone().fold(f64::INFINITY, |least, step| least.min(interval(&step)));
+    let shortest = shortest(steps.clone(), times);
     for step in steps.clone() {
         let (i, j) = step;
         let mut change = wrap(phase(phases, j) - phase(phases, i));
-        if interval(&step) > shortest * SHORT {
-            let short = steps.clone().filter(|step| interval(step) <= shortest * SHORT);
+        if interval(times, step) > shortest * SHORT {
+            let short = steps.clone().filter(|&step| interval(times, step) <= shortest * SHORT);
             let predicted = predict(phases, times, short, step);
             change = predicted + wrap(change - predicted);
         }
@@ -55,6 +54,16 @@ fn sound_frames<Q: Real>(quality: &[Q]) -> impl Iterator<Item = usize> + Clone {
     quality.iter().enumerate().filter(move |&(_, &s)| s > sound).map(|(frame, _)| frame)
 }
 
+/// The shortest of the steps.
+fn shortest(steps: impl Iterator<Item = (usize, usize)>, times: &[f64]) -> f64 {
+    steps.fold(f64::INFINITY, |least, step| least.min(interval(times, step)))
+}
+
+/// From one frame to another.
+fn interval(times: &[f64], (from, to): (usize, usize)) -> f64 {
+    time(times, to) - time(times, from)
+}
+
 fn time(times: &[f64], frame: usize) -> f64 {
     times.get(frame).copied().unwrap_or(0.0)
 }
@@ -64,35 +73,97 @@ fn phase<T: Scalar>(phases: &[T], frame: usize) -> T {
     phases.get(frame).copied().unwrap_or(T::zero())
 }
 
+/// The gap across which whole turns are least sure: the frame before it, and the standard error e of the change that the
+/// velocity around it suggests, radians,
+///
+/// e^2 = gap^2 sum of w^2 / (sum of w)^2 * n / (n-1) * sum of w (v - mean)^2 / sum of w,
+///
+/// of the n velocities v with weights w that predict it ([`unwrap_chain`]); infinite from fewer than two. A turn is wrong
+/// where the prediction is by more than pi. `None` where there is no gap. Phases as they come from [`unwrap_chain`], or before.
+pub fn least_sure_gap<Q: Real>(phases: &[Q], times: &[f64], quality: &[Q]) -> Option<(usize, Q)> {
+    let chain = sound_frames(quality);
+    let steps = chain.clone().zip(chain.skip(1));
+    let shortest = shortest(steps.clone(), times);
+    let short = steps.clone().filter(|&step| interval(times, step) <= shortest * SHORT);
+    let mut least_sure: Option<(usize, Q)> = None;
+    for step in steps.filter(|&step| interval(times, step) > shortest * SHORT) {
+        let error = standard_error(phases, times, short.clone(), step);
+        if least_sure.is_none_or(|(_, largest)| error > largest) {
+            least_sure = Some((step.0, error));
+        }
+    }
+    least_sure
+}
+
+/// Of the change over a gap.
+fn standard_error<Q: Real>(
+    phases: &[Q],
+    times: &[f64],
+    short: impl Iterator<Item = (usize, usize)>,
+    step: (usize, usize),
+) -> Q {
+    let nearest = nearest_velocities(phases, times, short, step);
+    let known = || nearest.into_iter().filter(|&(weight, _)| weight > 0.0);
+    let (mut weights, mut squares, mut sum, mut count) = (Q::zero(), Q::zero(), Q::zero(), 0.0);
+    for (weight, velocity) in known() {
+        let weight = Q::from_f64(weight);
+        weights += weight;
+        squares += weight * weight;
+        sum += weight * velocity;
+        count += 1.0;
+    }
+    if count < 2.0 {
+        return Q::from_f64(f64::INFINITY);
+    }
+    let mut scatter = Q::zero();
+    for (weight, velocity) in known() {
+        let off = velocity - sum / weights;
+        scatter += Q::from_f64(weight) * off * off;
+    }
+    let variance = scatter / weights * Q::from_f64(count / (count - 1.0));
+    Q::from_f64(interval(times, step)) * (variance * squares).sqrt() / weights
+}
+
 /// The change over a gap that the velocity around it suggests.
 #[inline(always)]
 fn predict<T: Scalar>(
     phases: &[T],
     times: &[f64],
     short: impl Iterator<Item = (usize, usize)>,
-    (before, after): (usize, usize),
+    step: (usize, usize),
 ) -> T {
-    let gap = time(times, after) - time(times, before);
-    let middle = (time(times, after) + time(times, before)) / 2.0;
+    let (mut sum, mut weights) = (T::zero(), 0.0);
+    for (weight, velocity) in nearest_velocities(phases, times, short, step) {
+        sum += T::from_f64(weight) * velocity;
+        weights += weight;
+    }
+    if weights > 0.0 { sum * T::from_f64(interval(times, step) / weights) } else { T::zero() }
+}
+
+/// Weight and velocity of the short intervals nearest to a gap; where there are fewer, weights of 0.
+#[inline(always)]
+fn nearest_velocities<T: Scalar>(
+    phases: &[T],
+    times: &[f64],
+    short: impl Iterator<Item = (usize, usize)>,
+    step: (usize, usize),
+) -> [(f64, T); NEAREST] {
+    let middle = |(i, j): (usize, usize)| (time(times, i) + time(times, j)) / 2.0;
     let mut nearest = [(f64::INFINITY, T::zero()); NEAREST];
     for (i, j) in short {
-        let distance = ((time(times, i) + time(times, j)) / 2.0 - middle).abs();
-        let interval = T::from_f64(time(times, j) - time(times, i));
-        let velocity = wrap(phase(phases, j) - phase(phases, i)) / interval;
-        let mut candidate = (distance, velocity);
+        let distance = (middle((i, j)) - middle(step)).abs();
+        let change = wrap(phase(phases, j) - phase(phases, i));
+        let mut candidate = (distance, change / T::from_f64(interval(times, (i, j))));
         for place in &mut nearest {
             if candidate.0 < place.0 {
                 core::mem::swap(&mut candidate, place);
             }
         }
     }
-    let (mut sum, mut weights) = (T::zero(), 0.0);
-    for (distance, velocity) in nearest.into_iter().filter(|(distance, _)| distance.is_finite()) {
-        let weight = 1.0 / (1.0 + distance / gap);
-        sum += T::from_f64(weight) * velocity;
-        weights += weight;
+    for (weight, _) in &mut nearest {
+        *weight = 1.0 / (1.0 + *weight / interval(times, step));
     }
-    if weights > 0.0 { sum * T::from_f64(gap / weights) } else { T::zero() }
+    nearest
 }
 
 /// Frames outside the chain follow its interpolation in time.
@@ -150,6 +221,28 @@ mod tests {
         let times: [f64; 24] = core::array::from_fn(|i| (i / 3 * 12 + i % 3) as f64);
         let error = check(times, [1.0; 24], 0.7);
         assert!(error.iter().all(|e| e.abs() < 1e-9), "{error:?}");
+    }
+
+    /// Pairs with a known scatter of velocities, +-0.01 in turns: e = 12 * 0.01 sqrt(6/5) / sqrt 6 but for the weights; frames
+    /// without gaps have none.
+    #[test]
+    fn the_error_over_a_gap_is_that_of_the_velocities_times_the_gap() {
+        let times: [f64; 24] = core::array::from_fn(|i| (i / 2 * 13 + i % 2) as f64);
+        let phases: [f64; 24] = core::array::from_fn(|i| {
+            let jitter = if i % 4 == 1 { 0.01 } else { -0.01 };
+            0.3 * times[i] + if i % 2 == 1 { jitter } else { 0.0 }
+        });
+        let (frame, error) = least_sure_gap(&phases, &times, &[1.0; 24]).unwrap();
+        let expected = 12.0 * 0.01 / libm::sqrt(5.0);
+        assert!(
+            frame % 2 == 1 && (error / expected - 1.0).abs() < 0.15,
+            "{frame}: {error} {expected}"
+        );
+        let even: [f64; 24] = core::array::from_fn(|i| i as f64);
+        assert_eq!(least_sure_gap(&phases, &even, &[1.0; 24]), None);
+        // One interval tells no scatter.
+        let few = least_sure_gap(&[0.0, 0.1, 0.7], &[0.0, 1.0, 9.0], &[1.0; 3]);
+        assert_eq!(few, Some((1, f64::INFINITY)));
     }
 
     #[test]

@@ -411,6 +411,43 @@ fn bursts_hold_where_even_sampling_fails() {
     assert!(end("B.csv", &even).abs() > 6.0, "more than pi between frames cannot be seen");
 }
 
+/// A turn is wrong where the velocity around a gap, times the gap, is by more than half a turn: the program says how well it
+/// is known, and warns where that is not enough.
+#[test]
+fn turns_across_long_gaps_are_said_to_be_unsure() {
+    let bench = Bench::new();
+    for (burst, sure) in [("--burst 2,3", true), ("--burst 2,1000", false), ("", true)] {
+        let scene = "simulate speckle --width 48 --height 48 --frames 12 --sigma 1/64";
+        let _ = bench.succeed(&format!("{scene} {burst} -o F.npy"));
+        let line = "phase F.npy --mask F.mask.npy -o C.csv";
+        let told = bench.succeed(line).stdout.contains("off by whole turns");
+        assert_eq!(told, !sure, "{burst}");
+        let error = bench.summary(line)["gap_error_rad"].as_f64();
+        assert_eq!(error.is_some(), !burst.is_empty(), "{burst}: {error:?}");
+        assert!(
+            error.is_none_or(|error| (3.0 * error < std::f64::consts::PI) == sure),
+            "{error:?}"
+        );
+        let _ = std::fs::remove_file(bench.path("F.times.npy"));
+    }
+}
+
+/// One pixel has no coherence but 1, whatever number of looks is claimed for it.
+#[test]
+fn one_pixel_is_refused_with_any_number_of_looks() {
+    let bench = Bench::new();
+    let _ = bench.succeed("simulate speckle --width 24 --height 24 --frames 8 -o F.npy");
+    let one: Vec<bool> = (0..24 * 24).map(|i| i == 200).collect();
+    phasewalk_tests::npy::save_mask(&bench.path("M.npy"), &[24, 24], &one);
+    for looks in ["", "--looks 3", "--looks 50"] {
+        for method in ["linked", "paper"] {
+            let line = format!("phase F.npy --mask M.npy --method {method} {looks} -o C.csv");
+            bench.run(&line).refused(2, &["--mask", "1.0 looks", "more pixels"]);
+        }
+    }
+    let _ = bench.succeed("phase F.npy --mask M.npy --method one-step -o C.csv");
+}
+
 #[test]
 fn times_that_cannot_be_are_refused() {
     let bench = Bench::new();

@@ -8,6 +8,7 @@ use crate::io::CurveRow;
 use crate::method::Plan;
 use crate::progress::Progress;
 use num_complex::Complex64;
+use phasewalk_core::chain::least_sure_gap;
 use phasewalk_core::closure::Closure;
 use phasewalk_core::coherence::{Lag, Mixture};
 use phasewalk_core::lags::Lags;
@@ -40,6 +41,9 @@ pub struct Linked {
     pub misfit: f64,
     /// Does the model hold? None for two layers, whose product has another noise than the test expects.
     pub closure: Option<Closure>,
+    /// The gap in the times across which whole turns are least sure: the frame before it, and how well the velocity around
+    /// it predicts the change, radians.
+    pub least_sure_gap: Option<(usize, f64)>,
 }
 
 /// Link all frames of the region; `looks` are the independent ones behind its averages.
@@ -118,6 +122,7 @@ pub(crate) fn link(cross: &mut [Complex64], plan: &Plan, looks: f64) -> Result<L
         sigma_rad: sigmas[frame],
         quality: quality[frame],
     };
+    let least_sure_gap = least_sure_gap(&phases, &plan.times_s, &quality);
     Ok(Linked {
         rows: (0..n).map(row).collect(),
         gamma,
@@ -125,5 +130,6 @@ pub(crate) fn link(cross: &mut [Complex64], plan: &Plan, looks: f64) -> Result<L
         periodic: summary.periodic,
         misfit: summary.misfit,
         closure: (!plan.depths.has_two_layers()).then_some(summary.closure),
+        least_sure_gap,
     })
 }

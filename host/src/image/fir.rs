@@ -19,9 +19,10 @@ pub trait Sink<L, const CH: usize> {
 /// Results of a block, and channels that are filtered together: 8 sums, 8 numbers on each side and a tap are 25 registers.
 const BLOCK: usize = 4;
 const TOGETHER: usize = 2;
-/// Registers that a block needs, and that 8 sums of neighbouring results do with what they are made of.
+/// Registers that a block needs, and that so many sums of neighbouring results do with what they are made of.
 const FOR_BLOCKS: usize = 32;
 const FOR_NEIGHBOURS: usize = 16;
+const SUMS: usize = 8;
 
 /// Filter a line of n + 2R numbers of each channel, `half` being h; result o goes to place `first + o stride`.
 #[inline(always)]
@@ -38,9 +39,9 @@ pub fn filter<L: Lanes, const CH: usize>(
         let line = &line[o..];
         let taken = if L::REGISTERS >= FOR_BLOCKS && left >= BLOCK {
             give(in_block(line, half), [place, stride], sink)
-        } else if L::REGISTERS >= FOR_NEIGHBOURS && CH == 2 && left >= 4 {
+        } else if L::REGISTERS >= FOR_NEIGHBOURS && CH * 4 <= SUMS && left >= 4 {
             give(neighbours::<L, CH, 4>(line, half), [place, stride], sink)
-        } else if L::REGISTERS >= FOR_NEIGHBOURS && CH == 4 && left >= 2 {
+        } else if L::REGISTERS >= FOR_NEIGHBOURS && CH * 2 <= SUMS && left >= 2 {
             give(neighbours::<L, CH, 2>(line, half), [place, stride], sink)
         } else {
             give(neighbours::<L, CH, 1>(line, half), [place, stride], sink)

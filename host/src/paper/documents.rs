@@ -69,7 +69,7 @@ pub fn claims_markdown(settings: &Settings, claims: &[Claim], ends: &Table) -> S
     let hold = claims.iter().filter(|claim| claim.holds()).count();
     let mut text = format!(
         "# Claims of the paper\n\n{}.\n\n{hold} of {} hold. Lines are those of the paper's source. \
-         The limits are ours; the column *linked* is the same number of the method that the paper \
+         The limits are ours, for 100 runs of the paper's size; the column *linked* is the same number of the method that the paper \
          does not have.\n\n\
          | lines | claim | measured | ours | limit | holds | linked |\n|---|---|---|---|---|---|---|\n",
         settings.words(),

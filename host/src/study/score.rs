@@ -74,7 +74,7 @@ impl Score {
     }
 }
 
-/// Over the bound ± standard error, standard deviation of the scores if there are any, trials lost if there are any.
+/// Over the bound ± standard error, root mean square of the scores if there are any, trials lost if there are any.
 impl std::fmt::Display for Score {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{:.3} ± {:.3}", self.over_bound, self.standard_error)?;

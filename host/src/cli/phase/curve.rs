@@ -14,6 +14,7 @@ use crate::progress::Progress;
 use crate::series::Survey;
 use phasewalk_core::closure::Closure;
 use serde_json::{Value, json};
+use std::f64::consts::PI;
 use std::path::Path;
 
 /// A standard deviation that only Gamma_2 (1000 rad a step) leaves behind.
@@ -76,6 +77,10 @@ impl Task<'_> {
         if let Some(linked) = &result.linked {
             facts.insert("coherence_model".to_owned(), model(linked));
         }
+        let gap = result.linked.as_ref().and_then(|linked| linked.least_sure_gap);
+        if let Some((_, error)) = gap {
+            facts.insert("gap_error_rad".to_owned(), json!(error));
+        }
         for (closure, region) in closures(result, control) {
             closure::add_facts(closure, region, &mut facts);
         }
@@ -110,10 +115,30 @@ impl Task<'_> {
         }
         let less = control.map(|c| format!(" less {}", c.in_words())).unwrap_or_default();
         self.report(&format!("{}{less}", result.in_words()), facts, &files);
+        if let Some((frame, error)) = gap.filter(|_| !self.common.json) {
+            self.warn_of_gap(frame, error);
+        }
         for (closure, region) in closures(result, control).filter(|_| !self.common.json) {
             print(&closure::in_words(closure, region));
         }
         Ok(())
+    }
+
+    /// Say where a turn across a gap is not sure: three standard errors of the prediction reach half a turn.
+    fn warn_of_gap(&self, frame: usize, error: f64) {
+        if 3.0 * error < PI {
+            return;
+        }
+        let known = if error.is_finite() {
+            format!("predicts the change across it to {error:.1} rad only")
+        } else {
+            "is not known".to_owned()
+        };
+        print(&format!(
+            "warning: the velocity around the gap behind frame {} {known}: the phases behind it may be off by whole turns, \
+             which their standard deviation does not count. Measure in shorter gaps, or more frames on each side",
+            self.good.numbers()[frame]
+        ));
     }
 
     /// So many frames have no phase of their own.
@@ -247,7 +272,8 @@ impl Ground<'_> {
         let effective_looks = region.looks(&coherence) * added.product();
         let nominal = (region.pixels() * arguments.series.len()) as f64;
         let looks = arguments.looks().choose(nominal, effective_looks);
-        check_looks(plan.method, looks, flag)?;
+        let averaged = nominal * plan.depths.all().len() as f64;
+        check_looks(plan.method, looks, averaged, flag)?;
         let (rows, linked) = if plan.method == Method::Linked {
             let linked = link_region(&region, plan, looks, &progress).map_err(|e| e.about(path))?;
             (linked.rows.clone(), Some(linked))

@@ -32,7 +32,8 @@ impl Task<'_> {
         let effective = coherence.looks_of_kernel(&kernel) * added.product();
         let nominal = kernel.nominal_looks() * self.arguments.series.len() as f64;
         let looks = self.arguments.looks().choose(nominal, effective);
-        check_looks(self.plan.method, looks, "--gaussian")?;
+        let averaged = nominal * self.plan.depths.all().len() as f64;
+        check_looks(self.plan.method, looks, averaged, "--gaussian")?;
         let window = self.plan.depths.has_two_layers().then(|| window_kernel(&kernel, double));
         let window_looks = window
             .transpose()?

@@ -87,20 +87,24 @@ fn plan(arguments: &Arguments, good: &ChosenFrames<'_>, planes: Planes) -> Resul
 }
 
 /// Too few looks cannot be told from random phases; with fewer than twelve the threshold of the paper's weights
-/// is above any mean phasor.
-pub(super) fn check_looks(method: Method, looks: f64, region: &str) -> Result<()> {
+/// is above any mean phasor. An average over `averaged` numbers has no more looks, whatever `--looks` says: the coherence of
+/// one pixel is 1.
+pub(super) fn check_looks(method: Method, looks: f64, averaged: f64, region: &str) -> Result<()> {
     let needed = match method {
         Method::Paper(_) => -(1.0 - RANDOM_PROBABILITY).ln(),
         // With two looks even frames without any coherence have |gamma| = 0.7 on average.
         Method::Linked => 2.0,
         Method::Direct | Method::OneStep => 0.0,
     };
-    if looks > needed {
+    if looks.min(averaged) > needed {
         return Ok(());
     }
+    let other_looks =
+        if averaged > needed { " or, if that is not their number, --looks" } else { "" };
     Err(Error::usage(format!(
-        "{region}: {looks:.1} looks cannot be told from random phases, {} are needed: average over \
-         more pixels, or take --method one-step or --looks",
+        "{region}: {:.1} looks cannot be told from random phases, {} are needed: average over \
+         more pixels, or take --method one-step{other_looks}",
+        looks.min(averaged),
         (needed + 0.5).ceil()
     )))
 }

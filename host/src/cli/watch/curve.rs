@@ -72,6 +72,7 @@ impl Task<'_> {
         mask: &[bool],
     ) -> Result<Box<dyn WatchedCurve>> {
         let first = First::of(field, self.format.height, self.format.width)?;
+        let pixels = first.chosen(mask).len() as f64;
         if self.arguments.method() == MethodName::Linked {
             let settings = LinkedSettings {
                 looks: self.arguments.looks(),
@@ -79,11 +80,11 @@ impl Task<'_> {
                 history: self.arguments.history,
             };
             let curve = LinkedCurve::new(&first, mask, settings)?;
-            check_looks(Method::Linked, curve.looks(), "--mask")?;
+            check_looks(Method::Linked, curve.looks(), pixels, "--mask")?;
             return Ok(Box::new(curve));
         }
         let curve = PaperCurve::new(&first, mask, self.paper_settings())?;
-        check_looks(Method::Paper(Weighting::Paper), curve.looks(), "--mask")?;
+        check_looks(Method::Paper(Weighting::Paper), curve.looks(), pixels, "--mask")?;
         Ok(Box::new(curve))
     }
 

@@ -62,8 +62,9 @@ impl Task<'_> {
     fn first_image(&self, field: &[Complex32], kernel: &Kernel) -> Result<(f64, f32)> {
         let first = First::of(field, kernel.height, kernel.width)?;
         let effective = first.looks_of_kernel(kernel)?;
-        let looks = self.arguments.looks().choose(kernel.nominal_looks(), effective);
-        check_looks(Method::Paper(Weighting::Paper), looks, "--gaussian")?;
+        let nominal = kernel.nominal_looks();
+        let looks = self.arguments.looks().choose(nominal, effective);
+        check_looks(Method::Paper(Weighting::Paper), looks, nominal, "--gaussian")?;
         Ok((looks, first.scale()))
     }
 
