@@ -4,8 +4,9 @@
 
 Each is one process on all cores. Of phasewalk and NumPy all of it counts: reading and writing
 files, Python's imports, the program's survey of the data. dolphin computes the square in the middle
-only, and of it counts what dolphin_phase.py times. Errors are taken on the same pixels for all.
-Results are left beside F.npy.
+only, and of it counts what dolphin_phase.py times. Of each the faster of two runs counts: the first
+may wait for the machine to find it memory. Errors are taken on the same pixels for all. Results are
+left beside F.npy.
 """
 
 import argparse
@@ -48,9 +49,14 @@ class Run:
         return np.asarray(images if self.cropped else images[:, *square])
 
 
+def faster_of_two(name, command):
+    """The cost of the faster run."""
+    return min((measure(name, command) for _ in range(2)), key=lambda cost: cost.wall_s)
+
+
 def whole(name, command, path):
     """A contender that is timed from start to end on the whole images."""
-    cost = measure(name, command)
+    cost = faster_of_two(name, command)
     return Run(name, path, cost.wall_s, cost.cpu_s, cost.peak_mb)
 
 
@@ -59,7 +65,7 @@ def run_dolphin(estimator, options):
     path = options.field.with_suffix(f".dolphin-{estimator}.npy")
     script = [sys.executable, PEERS / "dolphin_phase.py", options.field, "--out", path]
     how = ["--estimator", estimator, "--crop", str(options.crop), "--gaussian", options.gaussian]
-    cost = measure(f"dolphin, {estimator.upper()}", script + how)
+    cost = faster_of_two(f"dolphin, {estimator.upper()}", script + how)
     told = json.loads(cost.printed.splitlines()[-1])
     name = f"dolphin {told['version']}, {estimator.upper()}"
     if estimator == "emi":
