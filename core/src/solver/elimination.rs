@@ -1,4 +1,5 @@
-//! Elimination of frames from the network: which links it leaves between the others, one frame at a time or several.
+//! Elimination of frames from the network (the solution of paper lines 916-921): which links it leaves between the others,
+//! one frame at a time or several.
 //!
 //! Frame t with the links (a_j, f_j) to later frames j and the pivot p = sum of the a_j joins every two of them, j and k,
 //! by a link of conductance a_j a_k / p and flux (a_j f_k - f_j a_k) / p.
