@@ -20,7 +20,7 @@ const PIXELS: usize = 1 << 16;
 /// The widest distance looked at first, pixels; doubled while the coherence is still above
 /// [`STILL_COHERENT`] there.
 const FIRST_REACH: usize = 6;
-pub(super) const STILL_COHERENT: f64 = 0.02;
+const STILL_COHERENT: f64 = 0.02;
 const LAST_REACH: usize = 48;
 /// Fields that have so many times more in common over long distances than the first quarter of them have it from something
 /// else than the aperture; two standard deviations of chance are less.

@@ -298,7 +298,7 @@ impl Arguments {
                 "--decorrelation belongs to images (--gaussian) of --method linked: leave it out",
             ));
         }
-        Picture::of(map)?;
+        Picture::of("--decorrelation", map)?;
         check_output("--decorrelation", map, inputs)
     }
 
@@ -345,7 +345,7 @@ impl Arguments {
         check_output("-o", &sigma, &inputs)?;
         self.validate_map(&inputs)?;
         let Some(figure) = &self.figure else { return Ok(()) };
-        Picture::of(figure)?;
+        Picture::of("--figure", figure)?;
         check_output("--figure", figure, &inputs)
     }
 }

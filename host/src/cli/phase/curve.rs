@@ -28,7 +28,12 @@ impl Task<'_> {
             Some(path) => Some((self.masks(read_control(path, &mask.inner, width)?, path)?, path)),
             None => None,
         };
-        let figure = self.arguments.figure.as_deref().map(FigureFile::create).transpose()?;
+        let figure = self
+            .arguments
+            .figure
+            .as_deref()
+            .map(|path| FigureFile::create("--figure", path))
+            .transpose()?;
 
         let survey = self.survey()?;
         let ground = Ground { task: self, survey: &survey, spread: self.spread(&survey)? };

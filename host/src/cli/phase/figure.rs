@@ -13,14 +13,15 @@ pub(super) enum Picture {
 }
 
 impl Picture {
-    pub(super) fn of(path: &Path) -> Result<Self> {
+    /// `option` is what names it on the command line.
+    pub(super) fn of(option: &str, path: &Path) -> Result<Self> {
         let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
         match extension.as_deref() {
             Some("png") => Ok(Self::Png),
             Some("svg") => Ok(Self::Svg),
             _ => {
                 let path = path.display();
-                Err(Error::usage(format!("{path}: pictures go to .png or .svg")))
+                Err(Error::usage(format!("{option} {path}: pictures go to .png or .svg")))
             }
         }
     }
@@ -34,8 +35,8 @@ pub(super) struct FigureFile {
 }
 
 impl FigureFile {
-    pub(super) fn create(path: &Path) -> Result<Self> {
-        let picture = Picture::of(path)?;
+    pub(super) fn create(option: &str, path: &Path) -> Result<Self> {
+        let picture = Picture::of(option, path)?;
         Ok(Self { file: StagedFile::create(path, 0)?, path: path.to_owned(), picture })
     }
 
