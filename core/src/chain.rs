@@ -79,7 +79,7 @@ fn phase<T: Scalar>(phases: &[T], frame: usize) -> T {
 /// e^2 = gap^2 sum of w^2 / (sum of w)^2 * n / (n-1) * sum of w (v - mean)^2 / sum of w,
 ///
 /// of the n velocities v with weights w that predict it ([`unwrap_chain`]); infinite from fewer than two. A turn is wrong
-/// where the prediction is by more than pi. `None` where there is no gap. Phases as they come from [`unwrap_chain`], or before.
+/// where the prediction is off by more than pi. `None` where there is no gap. Phases as they come from [`unwrap_chain`], or before.
 pub fn least_sure_gap<Q: Real>(phases: &[Q], times: &[f64], quality: &[Q]) -> Option<(usize, Q)> {
     let chain = sound_frames(quality);
     let steps = chain.clone().zip(chain.skip(1));

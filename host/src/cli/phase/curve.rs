@@ -28,12 +28,7 @@ impl Task<'_> {
             Some(path) => Some((self.masks(read_control(path, &mask.inner, width)?, path)?, path)),
             None => None,
         };
-        let figure = self
-            .arguments
-            .figure
-            .as_deref()
-            .map(|path| FigureFile::create("--figure", path))
-            .transpose()?;
+        let figure = FigureFile::wanted("--figure", self.arguments.figure.as_deref())?;
 
         let survey = self.survey()?;
         let ground = Ground { task: self, survey: &survey, spread: self.spread(&survey)? };
@@ -82,7 +77,9 @@ impl Task<'_> {
         if let Some(linked) = &result.linked {
             facts.insert("coherence_model".to_owned(), model(linked));
         }
-        let gap = result.linked.as_ref().and_then(|linked| linked.least_sure_gap);
+        let regions = [Some(result), control].into_iter().flatten();
+        let gaps = regions.filter_map(|region| region.linked.as_ref()?.least_sure_gap);
+        let gap = gaps.max_by(|(_, a), (_, b)| a.total_cmp(b));
         if let Some((_, error)) = gap {
             facts.insert("gap_error_rad".to_owned(), json!(error));
         }

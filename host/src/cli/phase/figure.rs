@@ -35,7 +35,12 @@ pub(super) struct FigureFile {
 }
 
 impl FigureFile {
-    pub(super) fn create(option: &str, path: &Path) -> Result<Self> {
+    /// The file that `option` asks for, if it is given.
+    pub(super) fn wanted(option: &str, path: Option<&Path>) -> Result<Option<Self>> {
+        path.map(|path| Self::create(option, path)).transpose()
+    }
+
+    fn create(option: &str, path: &Path) -> Result<Self> {
         let picture = Picture::of(option, path)?;
         Ok(Self { file: StagedFile::create(path, 0)?, path: path.to_owned(), picture })
     }

@@ -77,12 +77,7 @@ impl Task<'_> {
 
     /// The figure's file and frames, before anything is computed.
     fn figure(&self) -> Result<Option<(FigureFile, Shown)>> {
-        let file = self
-            .arguments
-            .figure
-            .as_deref()
-            .map(|path| FigureFile::create("--figure", path))
-            .transpose()?;
+        let file = FigureFile::wanted("--figure", self.arguments.figure.as_deref())?;
         file.map(|file| Ok((file, Shown::new(self)?))).transpose()
     }
 
@@ -101,12 +96,8 @@ impl Task<'_> {
             self.facts(job.survey, job.looks, job.effective_looks, recordings, memory.bytes);
         let usable = |frame: usize| job.tiles.is_none_or(|tiles| tiles.is_usable(frame));
         facts.insert("reference_frames".to_owned(), self.reference_frames(usable));
-        let map_file = self
-            .arguments
-            .decorrelation
-            .as_deref()
-            .map(|path| FigureFile::create("--decorrelation", path))
-            .transpose()?;
+        let map_file =
+            FigureFile::wanted("--decorrelation", self.arguments.decorrelation.as_deref())?;
         let layout = self.layout(memory.strip_rows, facts.clone());
         let writer = ImageWriter::create(&self.arguments.output, layout)?;
         let progress = Progress::new("phase images", job.steps()?);
