@@ -47,10 +47,10 @@ pub fn assemble_series<T, A, B>(
     solver.begin_full_batch(frames);
     for t in 0..frames {
         let mut row = Unwrapper::<T>::new();
-        for dt in 1..=solver.lags().min(frames - 1 - t) {
+        solver.set_row(t, |dt| {
             let (wrapped, weight) = pair(t, dt);
-            solver.set_pair(t, dt, row.push(wrapped), weight);
-        }
+            (row.push(wrapped), weight)
+        });
     }
     add_differences(solver, params, times);
 }

@@ -26,8 +26,9 @@
 
 mod elimination;
 
+use self::elimination::SPARE;
 use crate::reference::reference_mean;
-use crate::scalar::{Scalar, is_number};
+use crate::scalar::Scalar;
 use crate::storage::{Link, Matrix, Node};
 use core::marker::PhantomData;
 
@@ -45,14 +46,16 @@ pub(crate) struct Eliminated<'a, T> {
 pub type FixedSolver<T, const ROWS: usize, const LAGS: usize> =
     Solver<T, Matrix<Link<T>, ROWS, LAGS>, [Node<T>; ROWS]>;
 
-/// The network of the last frames. `A` holds `rows` x `lags` links, `B` holds `rows` nodes: arrays on a
+/// The network of the last frames. `A` holds `rows` rows of at least `lags` links, `B` holds `rows` nodes: arrays on a
 /// microcontroller, vectors on the desktop.
 #[derive(Clone, Copy, Debug)]
 pub struct Solver<T, A, B> {
-    /// Row of frame t: its links to t+1 ... t+lags.
+    /// Row of frame t: its links to t+1 ... t+lags, and links of 0 in the places that are left.
     links: A,
     nodes: B,
     rows: usize,
+    /// Places of a row.
+    stride: usize,
     lags: usize,
     gauge: usize,
     reference_frames: usize,
@@ -64,6 +67,13 @@ pub struct Solver<T, A, B> {
     reference_sum: T,
     reference_count: T,
     element: PhantomData<T>,
+}
+
+/// Places for the links of `rows` frames to the next `lags` ones each, with those to spare that let several frames be
+/// eliminated together; none where every frame reaches the last one.
+#[must_use]
+pub const fn links_for(rows: usize, lags: usize) -> usize {
+    rows * if lags + 1 < rows { lags + SPARE } else { lags }
 }
 
 impl<T: Scalar, const ROWS: usize, const LAGS: usize> FixedSolver<T, ROWS, LAGS> {
@@ -85,22 +95,29 @@ where
 {
     /// A solver in the caller's buffers: rows = number of nodes = the frames of history kept.
     ///
-    /// The links need rows * lags places. `lags` must be below the number of rows (it is cut to that);
-    /// a batch solution needs as many rows as frames. Buffers need no clearing.
+    /// The links need rows * lags places; with as many as [`links_for`] says, long series are solved faster. `lags` must be
+    /// below the number of rows (it is cut to that); a batch solution needs as many rows as frames. Buffers need no
+    /// clearing.
     #[must_use]
     pub fn with_storage(
-        links: A,
+        mut links: A,
         nodes: B,
         lags: usize,
         gauge: usize,
         reference_frames: usize,
     ) -> Self {
         let rows = nodes.as_ref().len();
+        let lags = lags.clamp(1, rows.saturating_sub(1).max(1));
+        let stride = (links.as_ref().len() / rows.max(1)).max(1);
+        for row in links.as_mut().chunks_mut(stride) {
+            row.iter_mut().skip(lags).for_each(|spare| *spare = Link::new());
+        }
         Self {
             links,
             nodes,
             rows,
-            lags: lags.clamp(1, rows.saturating_sub(1).max(1)),
+            stride,
+            lags,
             gauge,
             reference_frames,
             frames: 0,
@@ -154,9 +171,9 @@ where
             self.eliminate(self.frames - 1, self.gauge, &mut seen);
         }
         let slot = self.slot(self.frames);
-        let lags = self.lags;
+        let stride = self.stride;
         self.frames += 1;
-        if let Some(row) = self.links.as_mut().get_mut(slot * lags..(slot + 1) * lags) {
+        if let Some(row) = self.links.as_mut().get_mut(slot * stride..(slot + 1) * stride) {
             row.fill(Link::new());
         }
         if let Some(node) = self.nodes.as_mut().get_mut(slot) {
@@ -164,7 +181,7 @@ where
         }
     }
 
-    /// Begin a series all of whose pairs follow by [`Self::set_pair`], each once: their links need no clearing.
+    /// Begin a series all of whose pairs follow by [`Self::set_row`], each once: their links need no clearing.
     #[inline(always)]
     pub(crate) fn begin_full_batch(&mut self, frames: usize) {
         self.clear();
@@ -172,13 +189,24 @@ where
         self.nodes.as_mut().fill(Node::new());
     }
 
-    /// [`Self::add_pair`] to a link that held nothing.
+    /// All pairs of frame t of such a series with later frames, as [`Self::add_pair`] takes them: `pair` is called with
+    /// dt = 1, 2, ...
     #[inline(always)]
-    pub(crate) fn set_pair(&mut self, t: usize, dt: usize, phase: T, weight: T) {
-        if let Some(link) = self.link_mut(t, dt) {
-            *link = Link::new();
+    pub(crate) fn set_row(&mut self, t: usize, mut pair: impl FnMut(usize) -> (T, T)) {
+        let (start, last) = (t * self.stride, self.frames.saturating_sub(1));
+        let Some(reach) = last.checked_sub(t).map(|left| left.min(self.lags)) else { return };
+        let links = self.links.as_mut().get_mut(start..start + reach).unwrap_or(&mut []);
+        let Some((own, later)) = self.nodes.as_mut().get_mut(t..).and_then(<[_]>::split_first_mut)
+        else {
+            return;
+        };
+        for (dt, (link, node)) in (1..).zip(links.iter_mut().zip(later)) {
+            let (phase, weight) = pair(dt);
+            let (new, seen) = Link::of_pair(phase, weight);
+            *link = new;
+            node.measured = T::select(seen, T::one(), node.measured);
+            own.measured = T::select(seen, T::one(), own.measured);
         }
-        self.add_pair(t, dt, phase, weight);
     }
 
     /// Add the pair (t, t+dt): unwrapped phase c = phi_t - phi_{t+dt} in radians, weight w >= 0. A pair
@@ -187,11 +215,9 @@ where
     #[inline(always)]
     pub fn add_pair(&mut self, t: usize, dt: usize, phase: T, weight: T) {
         let Some(link) = self.link_mut(t, dt) else { return };
-        // False for a weight or a phase that is NaN too, which must not enter the network.
-        let seen = T::zero().lt(T::select(is_number(phase), weight, T::zero()));
-        let conductance = T::select(seen, weight * weight, T::zero());
-        link.conductance += conductance;
-        link.flux += T::select(seen, conductance * phase, T::zero());
+        let (new, seen) = Link::of_pair(phase, weight);
+        link.conductance += new.conductance;
+        link.flux += new.flux;
         for frame in [t, t + dt] {
             let Some(node) = self.node_mut(frame) else { return };
             node.measured = T::select(seen, T::one(), node.measured);
@@ -313,8 +339,8 @@ where
     /// Links of frame t to t+1, t+2, ...; after elimination those it had then.
     #[inline(always)]
     pub(crate) fn row(&self, t: usize) -> Option<&[Link<T>]> {
-        let slot = self.slot(t);
-        self.links.as_ref().get(slot * self.lags..(slot + 1) * self.lags)
+        let start = self.slot(t) * self.stride;
+        self.links.as_ref().get(start..start + self.lags)
     }
 
     #[inline(always)]
@@ -334,7 +360,7 @@ where
             return None;
         }
         let slot = self.slot(t);
-        self.links.as_mut().get_mut(slot * self.lags + dt - 1)
+        self.links.as_mut().get_mut(slot * self.stride + dt - 1)
     }
 }
 
@@ -344,7 +370,8 @@ where
 #[inline(always)]
 fn current<T: Scalar>(links: &[Link<T>], later: &[T], start: T) -> T {
     let mut sum = start;
-    for (link, &phase) in links.iter().zip(later) {
+    // The nearest phases were found last.
+    for (link, &phase) in links.iter().zip(later).rev() {
         sum += link.conductance.mul_add(phase, link.flux);
     }
     sum

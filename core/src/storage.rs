@@ -1,6 +1,6 @@
 //! What the solver keeps: links between frames, the frames themselves, and fixed-size buffers.
 
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, is_number};
 
 /// A link from frame t to a later frame s: all pairs and priors between them, and what eliminated
 /// frames have left.
@@ -18,6 +18,16 @@ impl<T: Scalar> Link<T> {
     #[must_use]
     pub fn new() -> Self {
         Self { conductance: T::zero(), flux: T::zero() }
+    }
+
+    /// That of a pair with the phase c and the weight w, and where it has measured anything: not where one of them is not
+    /// a number.
+    #[inline(always)]
+    pub(crate) fn of_pair(phase: T, weight: T) -> (Self, T::Mask) {
+        // False for a weight or a phase that is NaN too, which must not enter the network.
+        let seen = T::zero().lt(T::select(is_number(phase), weight, T::zero()));
+        let conductance = T::select(seen, weight * weight, T::zero());
+        (Self { conductance, flux: T::select(seen, conductance * phase, T::zero()) }, seen)
     }
 }
 

@@ -11,7 +11,7 @@ use core::f64::consts::{PI, TAU};
 /// D phases before it.
 #[derive(Clone, Copy, Debug)]
 pub struct Unwrapper<T, const D: usize = UNWRAP_NEIGHBOURS> {
-    /// The last D phases, in a ring: their order does not matter to the sum.
+    /// The last D phases, the newest last.
     recent: [T; D],
     /// How many phases are known, dt = 0 included.
     known: usize,
@@ -30,13 +30,14 @@ impl<T: Scalar, const D: usize> Unwrapper<T, D> {
     /// not a number the phase before it is remembered (and given).
     #[inline(always)]
     pub fn push(&mut self, wrapped: T) -> T {
-        let before = self.recent.get((self.known + D - 1) % D).copied().unwrap_or(T::zero());
+        let before = self.recent.last().copied().unwrap_or(T::zero());
         let wrapped = T::select(is_number(wrapped), wrapped, before);
         let phase = if self.known < D { wrapped } else { nearest_branch(wrapped, &self.recent) };
-        if let Some(place) = self.recent.get_mut(self.known % D) {
-            *place = phase;
-        }
         self.known += 1;
+        let mut moved = phase;
+        for place in self.recent.iter_mut().rev() {
+            core::mem::swap(place, &mut moved);
+        }
         phase
     }
 }
@@ -51,7 +52,7 @@ impl<T: Scalar, const D: usize> Default for Unwrapper<T, D> {
 /// to their mean in steps of 2 pi that each lower the sum (the sum is convex in k, so this is the minimum).
 #[inline(always)]
 fn nearest_branch<T: Scalar, const D: usize>(wrapped: T, recent: &[T; D]) -> T {
-    let turns = (mean(recent) - wrapped) * T::from_f64(1.0 / TAU);
+    let turns = turns_to_mean(wrapped, recent);
     let mut phase = turns.round().mul_add(T::from_f64(TAU), wrapped);
     let mut least = distance(phase, recent);
     // A step changes the sum to 2 pi D - least at the very least: no step helps up to pi D.
@@ -74,16 +75,17 @@ fn nearest_branch<T: Scalar, const D: usize>(wrapped: T, recent: &[T; D]) -> T {
     }
 }
 
-/// In two sums: the next phase waits for this one.
+/// How many turns `wrapped` is below the mean of `recent`. The newest of them enters last: all else can be computed before
+/// it is known.
 #[inline(always)]
-fn mean<T: Scalar, const D: usize>(recent: &[T; D]) -> T {
-    let mut sums = [T::zero(); 2];
-    for pair in recent.chunks(2) {
-        for (sum, &other) in sums.iter_mut().zip(pair) {
-            *sum += other;
-        }
+fn turns_to_mean<T: Scalar, const D: usize>(wrapped: T, recent: &[T; D]) -> T {
+    let Some((&newest, others)) = recent.split_last() else { return T::zero() };
+    let mut sum = T::zero();
+    for &other in others {
+        sum += other;
     }
-    (sums[0] + sums[1]) * T::from_f64(1.0 / D as f64)
+    let share = T::from_f64(1.0 / (TAU * D as f64));
+    newest.mul_add(share, sum * share - wrapped * T::from_f64(1.0 / TAU))
 }
 
 /// Sum of the absolute differences.

@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::io::{Series, Shape};
+use crate::lanes::{LaneTask, Lanes, Path};
 use crate::progress;
 use num_complex::Complex32;
 use rayon::prelude::*;
@@ -129,22 +130,41 @@ fn survey_block(
 ) -> Result<BlockSurvey> {
     let pixels = rows.len() * width;
     let mut field = vec![Complex32::default(); pixels];
-    let (mut finite, mut lit) = (vec![true; pixels], vec![false; pixels]);
-    let mut powers = vec![0.0_f64; pixels];
+    let (mut powers, mut lit) = (vec![0.0; pixels], vec![false; pixels]);
+    let path = Path::best()?;
     for frame in 0..frames {
         progress::check()?;
         for &depth in depths {
             series.read_rows(frame, depth, rows.clone(), &mut field)?;
-            for (i, u) in field.iter().enumerate() {
-                let power = f64::from(u.re).powi(2) + f64::from(u.im).powi(2);
-                finite[i] &= power.is_finite();
-                lit[i] |= power > 0.0;
-                powers[i] += power;
-            }
+            path.run(Powers { field: &field, powers: &mut powers, lit: &mut lit })?;
         }
     }
-    let power = powers.iter().zip(&finite).filter(|&(_, &f)| f).map(|(&p, _)| p).sum();
+    // No finite f32 has a square whose sums overflow.
+    let finite = powers.iter().map(|power| power.is_finite()).collect();
+    let power = powers.iter().filter(|power| power.is_finite()).sum();
     Ok(BlockSurvey { finite, lit, power })
+}
+
+/// |U|^2 of a frame's pixels, to be added to those of the others, and whether they have any. In whatever vectors: the
+/// compiler makes them of the loop.
+struct Powers<'a> {
+    field: &'a [Complex32],
+    powers: &'a mut [f64],
+    lit: &'a mut [bool],
+}
+
+impl LaneTask for Powers<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes<Element = f32>>(self) {
+        for ((u, sum), lit) in self.field.iter().zip(self.powers).zip(self.lit) {
+            let [re, im] = [f64::from(u.re), f64::from(u.im)];
+            let power = re * re + im * im;
+            *sum += power;
+            *lit |= power > 0.0;
+        }
+    }
 }
 
 #[cfg(test)]

@@ -12,6 +12,9 @@ use crate::storage::{Link, Node};
 /// themselves, of 70 frames, the first cache.
 const PANEL: usize = 4;
 
+/// Places behind the links of each frame that let those go together which reach to different frames.
+pub(super) const SPARE: usize = PANEL - 1;
+
 impl<T, A, B> Solver<T, A, B>
 where
     T: Scalar,
@@ -28,42 +31,33 @@ where
         seen: &mut impl FnMut(&Eliminated<'_, T>),
     ) {
         let panel = self.eliminated..self.eliminated + PANEL;
-        // With a gauge among them, or where not all reach the end, they differ too much to go together.
-        if panel.end <= last && self.lags + panel.start >= last && !panel.contains(&gauge) {
+        // Those that reach to different frames take the rows' spare places for links that are not there.
+        let alike = self.lags + panel.start >= last || self.stride >= self.lags + SPARE;
+        let in_turn = self.slot(panel.start) + PANEL <= self.rows;
+        if panel.end <= last && alike && in_turn && !panel.contains(&gauge) {
             self.eliminate_panel(last, seen);
         } else {
             self.eliminate(last, gauge, seen);
         }
     }
 
-    /// Eliminate the oldest [`PANEL`] waiting frames, which all reach to the frame `last`, with the same arithmetic in the
-    /// same order as one by one, but what lies behind them is read and written once for all of them, and they are
-    /// read once for two frames behind them.
+    /// Eliminate the oldest [`PANEL`] waiting frames with the same arithmetic in the same order as one by one, but what
+    /// lies behind them is read and written once for all of them, and they are read once for two frames behind them.
     #[inline(always)]
     fn eliminate_panel(&mut self, last: usize, seen: &mut impl FnMut(&Eliminated<'_, T>)) {
         let first = self.eliminated;
+        // All go as far as the one that reaches furthest: of the others, links of 0 are added there.
+        let end = last.min(first + PANEL - 1 + self.lags);
         let mut inverses = [T::zero(); PANEL];
         for (t, inverse) in (first..).zip(&mut inverses) {
             self.eliminated += 1;
             let Some(node) = self.count_reference(t) else { return };
-            *inverse = self.ground_neighbours(t, last - t, node);
-            for later in t + 1..first + PANEL {
-                self.join_row(t, later, last, *inverse);
-            }
+            *inverse = self.ground_neighbours(t, self.lags.min(last - t), node);
+            self.join_rows(t, end - t, first + PANEL - 1 - t, *inverse);
         }
-        let mut later = first + PANEL;
-        while later <= last {
-            if self.join_two_rows(first, later, last, inverses).is_some() {
-                later += 2;
-                continue;
-            }
-            for (t, &inverse) in (first..).zip(&inverses) {
-                self.join_row(t, later, last, inverse);
-            }
-            later += 1;
-        }
+        self.join_rows_behind(first, end, inverses);
         for t in first..first + PANEL {
-            self.show(t, last - t, seen);
+            self.show(t, self.lags.min(last - t), seen);
         }
     }
 
@@ -83,9 +77,7 @@ where
             self.ground_links(t, reach);
         } else {
             let inverse = self.ground_neighbours(t, reach, node);
-            for later in t + 1..=t + reach {
-                self.join_row(t, later, t + reach, inverse);
-            }
+            self.join_rows(t, reach, reach, inverse);
         }
         self.show(t, reach, seen);
     }
@@ -117,9 +109,9 @@ where
     /// phi_t is the gauge: its links lead to ground from now on.
     #[inline(always)]
     fn ground_links(&mut self, t: usize, reach: usize) {
-        let (rows, lags) = (self.rows.max(1), self.lags);
-        let slot = self.slot(t);
-        let row = self.links.as_ref().get(slot * lags..slot * lags + reach).unwrap_or(&[]);
+        let rows = self.rows.max(1);
+        let start = self.slot(t) * self.stride;
+        let row = self.links.as_ref().get(start..start + reach).unwrap_or(&[]);
         for (dt, link) in (1..).zip(row) {
             if let Some(node) = self.nodes.as_mut().get_mut((t + dt) % rows) {
                 node.ground.conductance += link.conductance;
@@ -132,8 +124,9 @@ where
     /// source c_k - c_j, that is of flux (a_j f_k - f_j a_k) / p. Here for the ground as k; gives 1 / p.
     #[inline(always)]
     fn ground_neighbours(&mut self, t: usize, reach: usize, node: Node<T>) -> T {
-        let (rows, lags, slot) = (self.rows.max(1), self.lags, self.slot(t));
-        let row = self.links.as_ref().get(slot * lags..slot * lags + reach).unwrap_or(&[]);
+        let slot = self.slot(t);
+        let start = slot * self.stride;
+        let row = self.links.as_ref().get(start..start + reach).unwrap_or(&[]);
         let Link { conductance: mut pivot, flux: mut outflow } = node.ground;
         for link in row {
             pivot += link.conductance;
@@ -141,127 +134,128 @@ where
         }
         let inverse = divide_by_pivot(T::one(), pivot);
         self.reference_sum += node.reference * outflow * inverse;
-        if let Some(node) = self.nodes.as_mut().get_mut(slot) {
-            node.pivot = pivot;
-        }
-        for (dt, link) in (1..).zip(row) {
-            if let Some(neighbour) = self.nodes.as_mut().get_mut((t + dt) % rows) {
-                let (share, pull) = shares(*link, inverse);
+        let Some((before, rest)) = self.nodes.as_mut().split_at_mut_checked(slot) else {
+            return inverse;
+        };
+        let Some((own, after)) = rest.split_first_mut() else { return inverse };
+        own.pivot = pivot;
+        let mut links = row;
+        for part in [after, before] {
+            for neighbour in part {
+                let Some((&link, farther)) = links.split_first() else { return inverse };
+                let (share, pull) = shares(link, inverse);
                 neighbour.ground = join(neighbour.ground, node.ground, share, pull);
                 neighbour.reference = share.mul_add(node.reference, neighbour.reference);
+                links = farther;
             }
         }
         inverse
     }
 
-    /// The new links of frame `later` to the frames behind it up to `last` (j and k of [`Self::ground_neighbours`]), from the
-    /// eliminated frame t with its 1 / p.
+    /// The new links between the frames up to t + `reach`, from the eliminated frame t with its 1 / p (j and k of
+    /// [`Self::ground_neighbours`]), for the rows of the next `count` frames.
     #[inline(always)]
-    fn join_row(&mut self, t: usize, later: usize, last: usize, inverse: T) {
-        let Some((row, others)) = self.row_and_others(later, last) else { return };
-        let Some((link, farther)) = others.beyond(t) else { return };
-        let (share, pull) = shares(link, inverse);
-        for (joined, &link) in row.iter_mut().zip(farther) {
-            *joined = join(*joined, link, share, pull);
+    fn join_rows(&mut self, t: usize, reach: usize, count: usize, inverse: T) {
+        let stride = self.stride;
+        let Some((own, behind)) = self.rows_and_behind(t, 1) else { return };
+        let mut links = own.get(..reach).unwrap_or(&[]);
+        let mut left = count;
+        for part in behind {
+            for row in part.chunks_exact_mut(stride) {
+                let Some((&link, farther)) = links.split_first() else { return };
+                if left == 0 {
+                    return;
+                }
+                let (share, pull) = shares(link, inverse);
+                for (joined, &link) in row.iter_mut().zip(farther) {
+                    *joined = join(*joined, link, share, pull);
+                }
+                (links, left) = (farther, left - 1);
+            }
         }
     }
 
-    /// The same from the panel that begins with `first`, for the rows of `later` and of the frame behind it; nothing is
-    /// done where there is none, or its row does not lie behind that of `later`.
+    /// The same from all frames of the panel that begins with `first`, between the frames behind it up to `end`.
     #[inline(always)]
-    fn join_two_rows(
-        &mut self,
-        first: usize,
-        later: usize,
-        last: usize,
-        inverses: [T; PANEL],
-    ) -> Option<()> {
-        let ([row, next_row], others) = self.two_rows_and_others(later, last)?;
-        let (between, row) = row.split_first_mut()?;
-        let [p, q, r, s] = [0, 1, 2, 3].map(|i| others.beyond(first + i));
-        let [(p, beyond_p), (q, beyond_q), (r, beyond_r), (s, beyond_s)] = [p?, q?, r?, s?];
-        let (&next_p, beyond_p) = beyond_p.split_first()?;
-        let (&next_q, beyond_q) = beyond_q.split_first()?;
-        let (&next_r, beyond_r) = beyond_r.split_first()?;
-        let (&next_s, beyond_s) = beyond_s.split_first()?;
-        let next = [next_p, next_q, next_r, next_s];
-        let of = panel_shares([p, q, r, s], inverses);
-        let next_of = panel_shares(next, inverses);
-        *between = join_panel(*between, next, of);
-        let links = beyond_p.iter().zip(beyond_q).zip(beyond_r).zip(beyond_s);
-        for ((joined, next), (((&p, &q), &r), &s)) in row.iter_mut().zip(next_row).zip(links) {
-            *joined = join_panel(*joined, [p, q, r, s], of);
-            *next = join_panel(*next, [p, q, r, s], next_of);
+    fn join_rows_behind(&mut self, first: usize, end: usize, inverses: [T; PANEL]) {
+        let stride = self.stride;
+        let Some((panel, behind)) = self.rows_and_behind(first, PANEL) else { return };
+        let mut links = [&[] as &[Link<T>]; PANEL];
+        for (i, links) in links.iter_mut().enumerate() {
+            let row = panel.get(i * stride..i * stride + end - first - i);
+            *links = row.and_then(|row| row.get(PANEL - 1 - i..)).unwrap_or(&[]);
         }
-        Some(())
+        for part in behind {
+            for rows in part.chunks_mut(2 * stride) {
+                let left = join_two_rows(rows, stride, links, inverses);
+                links = match left.or_else(|| join_row(rows, links, inverses)) {
+                    Some(left) => left,
+                    None => return,
+                };
+            }
+        }
     }
 
-    /// The links of frame `later` up to frame `last`, to be changed, and those of the others.
+    /// The links of frame t and of those up to `count` with it, and the rows of the others in two parts: in the ring they
+    /// come in this order.
     #[inline(always)]
-    fn row_and_others(
-        &mut self,
-        later: usize,
-        last: usize,
-    ) -> Option<(&mut [Link<T>], Others<'_, T>)> {
-        let (lags, slot) = (self.lags, self.slot(later));
-        let count = last.checked_sub(later)?;
-        let (before, rest) = self.links.as_mut().split_at_mut_checked(slot * lags)?;
-        let (row, after) = rest.split_at_mut_checked(lags)?;
-        let others = Others { before, after, rows: self.rows, lags, later, taken: 1, count };
-        Some((row.get_mut(..count)?, others))
-    }
-
-    /// The same of frame `later` and the one behind it.
-    #[inline(always)]
-    fn two_rows_and_others(
-        &mut self,
-        later: usize,
-        last: usize,
-    ) -> Option<(TwoRows<'_, T>, Others<'_, T>)> {
-        let (lags, slot) = (self.lags, self.slot(later));
-        // Behind the last row of the ring comes the first one, whatever else the buffer holds.
-        if slot + 1 >= self.rows {
-            return None;
-        }
-        let count = last.checked_sub(later)?;
-        let (before, rest) = self.links.as_mut().split_at_mut_checked(slot * lags)?;
-        let (row, rest) = rest.split_at_mut_checked(lags)?;
-        let (next_row, after) = rest.split_at_mut_checked(lags)?;
-        let others = Others { before, after, rows: self.rows, lags, later, taken: 2, count };
-        Some(([row.get_mut(..count)?, next_row.get_mut(..count.checked_sub(1)?)?], others))
+    fn rows_and_behind(&mut self, t: usize, count: usize) -> Option<RowsAndBehind<'_, T>> {
+        let (start, end) = (self.slot(t) * self.stride, self.rows * self.stride);
+        let (before, rest) = self.links.as_mut().get_mut(..end)?.split_at_mut_checked(start)?;
+        let (rows, after) = rest.split_at_mut_checked(count * self.stride)?;
+        Some((rows, [after, before]))
     }
 }
 
-/// The links of a frame and of the one behind it, to be changed.
-type TwoRows<'a, T> = [&'a mut [Link<T>]; 2];
+/// The links of some frames, and those of the frames behind them.
+type RowsAndBehind<'a, T> = (&'a [Link<T>], [&'a mut [Link<T>]; 2]);
 
-/// The rows of links but those that are changed.
-struct Others<'a, T> {
-    before: &'a [Link<T>],
-    after: &'a [Link<T>],
-    rows: usize,
-    lags: usize,
-    later: usize,
-    /// Rows that are changed, from that of `later` on.
-    taken: usize,
-    /// Frames behind `later` that are looked at.
-    count: usize,
+/// The links of a panel's frames to the frames behind it.
+type Panel<'a, T> = [&'a [Link<T>]; PANEL];
+
+/// Join what a panel's `links` lead to, for the frame that they lead to first, which `row` begins with; gives the links to
+/// those behind it.
+#[inline(always)]
+fn join_row<'a, T: Scalar>(
+    row: &mut [Link<T>],
+    [p, q, r, s]: Panel<'a, T>,
+    inverses: [T; PANEL],
+) -> Option<Panel<'a, T>> {
+    let [(to_p, p), (to_q, q)] = [p.split_first()?, q.split_first()?];
+    let [(to_r, r), (to_s, s)] = [r.split_first()?, s.split_first()?];
+    let of = panel_shares([*to_p, *to_q, *to_r, *to_s], inverses);
+    let links = p.iter().zip(q).zip(r).zip(s);
+    for (joined, (((&p, &q), &r), &s)) in row.iter_mut().zip(links) {
+        *joined = join_panel(*joined, [p, q, r, s], of);
+    }
+    Some([p, q, r, s])
 }
 
-impl<'a, T: Scalar> Others<'a, T> {
-    /// The link of the earlier frame t to `later`, and those to the frames behind.
-    #[inline(always)]
-    fn beyond(&self, t: usize) -> Option<(Link<T>, &'a [Link<T>])> {
-        let (own, slot) = (self.later % self.rows.max(1), t % self.rows.max(1));
-        let (part, row) = if slot < own {
-            (self.before, slot)
-        } else {
-            (self.after, slot.checked_sub(own + self.taken)?)
-        };
-        let start = row * self.lags + self.later.checked_sub(t + 1)?;
-        let (link, farther) = part.get(start..=start + self.count)?.split_first()?;
-        Some((*link, farther))
+/// The same for the first two frames; nothing is done where `rows` or `links` have only one.
+#[inline(always)]
+fn join_two_rows<'a, T: Scalar>(
+    rows: &mut [Link<T>],
+    stride: usize,
+    [p, q, r, s]: Panel<'a, T>,
+    inverses: [T; PANEL],
+) -> Option<Panel<'a, T>> {
+    let (row, next_row) = rows.split_at_mut_checked(stride)?;
+    let (between, row) = row.split_first_mut()?;
+    let [([to_p, next_p], p), ([to_q, next_q], q)] = [p.split_first_chunk()?, q.split_first_chunk()?];
+    let [([to_r, next_r], r), ([to_s, next_s], s)] = [r.split_first_chunk()?, s.split_first_chunk()?];
+    if next_row.is_empty() {
+        return None;
     }
+    let next = [*next_p, *next_q, *next_r, *next_s];
+    let of = panel_shares([*to_p, *to_q, *to_r, *to_s], inverses);
+    let next_of = panel_shares(next, inverses);
+    *between = join_panel(*between, next, of);
+    let links = p.iter().zip(q).zip(r).zip(s);
+    for ((joined, next), (((&p, &q), &r), &s)) in row.iter_mut().zip(next_row).zip(links) {
+        *joined = join_panel(*joined, [p, q, r, s], of);
+        *next = join_panel(*next, [p, q, r, s], next_of);
+    }
+    Some([p, q, r, s])
 }
 
 /// a_j / p and -f_j / p of an eliminated node's link to j, for [`join`].

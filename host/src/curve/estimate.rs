@@ -9,7 +9,7 @@ use phasewalk_core::batch::solve_series;
 use phasewalk_core::ensemble::PairMean;
 use phasewalk_core::reference::subtract_reference;
 use phasewalk_core::regularize::batch_links;
-use phasewalk_core::solver::Solver;
+use phasewalk_core::solver::{Solver, links_for};
 use phasewalk_core::storage::{Link, Node};
 use phasewalk_core::variance::phase_variance;
 use phasewalk_core::weights::{debias, pair_variance};
@@ -63,9 +63,9 @@ impl Estimate<'_> {
         let Self { plan, pairs, means, .. } = self;
         let (frames, lags) = (plan.frames(), plan.params.max_lag);
         let n0 = plan.params.reference_frames;
+        let links = vec![Link::new(); links_for(frames, lags)];
         let nodes = vec![Node::new(); frames];
-        let mut solver =
-            Solver::with_storage(vec![Link::new(); frames * lags], nodes, lags, plan.gauge(), n0);
+        let mut solver = Solver::with_storage(links, nodes, lags, plan.gauge(), n0);
         let weights = plan.weights(self.looks);
         let weight: Vec<f64> = means.iter().map(|mean| weights.weight(mean)).collect();
         let (mut phases, mut measured) = (vec![0.0; frames], vec![0.0; frames]);

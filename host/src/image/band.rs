@@ -4,13 +4,13 @@ use super::filter::{Pair, Passes};
 use super::fir::Sink;
 use super::memory::STRIP_ROWS;
 use super::newest::{Incoming, NewestSettings, Outgoing};
-use super::strip::{Columns, Layout, circular, scatter};
+use super::strip::{Columns, Layout, circular, scale_usable, scatter};
 use super::worker::unload;
 use crate::allocate::filled;
 use crate::error::Result;
 use crate::lanes::Lanes;
 use crate::planes::Layers;
-use num_complex::Complex;
+use num_complex::{Complex, Complex32};
 use phasewalk_core::held::{HeldPair, newest_phase};
 use phasewalk_core::params::REFERENCE_FRAMES;
 use phasewalk_core::reference::reference_mean;
@@ -90,11 +90,12 @@ impl<L: Lanes> Band<L> {
         let columns = Columns::new(&self.layout, self.rows.len());
         let start = self.slot(0) * columns.plane();
         let slot = &mut self.fields[start..start + columns.plane()];
+        let mut line = vec![Complex32::default(); width];
         for i in 0..columns.tall {
             let y = circular(self.rows.start, i, halo, self.height);
-            let (line, finite) = (&frame.field[y * width..][..width], &frame.finite[y * width..]);
-            let vectors = columns.line(slot, i);
-            scatter(line, &finite[..width], self.scale, &self.layout, vectors);
+            line.copy_from_slice(&frame.field[y * width..][..width]);
+            scale_usable(&mut line, &frame.finite[y * width..], self.scale);
+            scatter(&line, &self.layout, columns.line(slot, i));
         }
     }
 
@@ -124,23 +125,27 @@ impl<L: Lanes> Band<L> {
         let known = self.lags.min(self.frames);
         let (newest, before) = (self.slot(0), self.slot(known.min(1)));
         let (blocks, all) = (self.layout.blocks, self.rows.len());
+        let [mut phases, mut seen] = [vec![L::zero(); blocks], vec![L::zero(); blocks]];
         for place in 0..rows * blocks {
             let at = first * blocks + place;
             let expected =
                 if known > 0 { self.phases[before * all * blocks + at] } else { L::zero() };
             let found = newest_phase(&self.pairs[place * self.lags..][..known], expected);
             self.phases[newest * all * blocks + at] = found.phase_rad;
-            let seen = L::select(L::zero().lt(found.weight), L::one(), L::zero());
-            let counts = if self.frames > 0 { seen } else { L::one() };
+            let weighs = L::select(L::zero().lt(found.weight), L::one(), L::zero());
+            let counts = if self.frames > 0 { weighs } else { L::one() };
             let [sum, count] = &mut self.references[at];
             if self.frames < REFERENCE_FRAMES {
                 *sum = counts.mul_add(found.phase_rad, *sum);
                 *count += counts;
             }
-            let phase = found.phase_rad - reference_mean(*sum, *count);
-            let (row, vector) = (first + place / blocks, place % blocks);
-            unload(&self.layout, &[phase], row, vector, all, &mut result.phases);
-            unload(&self.layout, &[counts], row, vector, all, &mut result.seen);
+            phases[place % blocks] = found.phase_rad - reference_mean(*sum, *count);
+            seen[place % blocks] = counts;
+            if (place + 1) % blocks == 0 {
+                let row = [first + place / blocks, all];
+                unload(&self.layout, &phases, row, &mut result.phases);
+                unload(&self.layout, &seen, row, &mut result.seen);
+            }
         }
     }
 }

@@ -12,7 +12,7 @@ use crate::lanes::Lanes;
 /// Where the results of a filter go. (Not a closure: those do not inherit the vector instructions of the function they
 /// are written in, and then every operation on a register becomes a call.)
 pub trait Sink<L, const CH: usize> {
-    /// The result that belongs at `place`.
+    /// The result that belongs at `place`; it may be told twice.
     fn take(&mut self, place: usize, means: [L; CH]);
 }
 
@@ -33,11 +33,15 @@ pub fn filter<L: Lanes, const CH: usize>(
     sink: &mut impl Sink<L, CH>,
 ) {
     let count = (line.len() + 2).saturating_sub(2 * half.len());
-    let (mut o, mut place) = (0, first);
+    let mut o = 0;
     while o < count {
         let left = count - o;
-        let line = &line[o..];
-        let taken = if L::REGISTERS >= FOR_BLOCKS && left >= BLOCK {
+        if L::REGISTERS >= FOR_BLOCKS && left < BLOCK && count >= BLOCK {
+            // What is left takes less in a block with results that are known already.
+            o = count - BLOCK;
+        }
+        let (line, place) = (&line[o..], first + o * stride);
+        let taken = if L::REGISTERS >= FOR_BLOCKS && count >= BLOCK {
             give(in_block(line, half), [place, stride], sink)
         } else if L::REGISTERS >= FOR_NEIGHBOURS && CH * 4 <= SUMS && left >= 4 {
             give(neighbours::<L, CH, 4>(line, half), [place, stride], sink)
@@ -47,7 +51,6 @@ pub fn filter<L: Lanes, const CH: usize>(
             give(neighbours::<L, CH, 1>(line, half), [place, stride], sink)
         };
         o += taken;
-        place += taken * stride;
     }
 }
 
@@ -149,7 +152,9 @@ mod tests {
     impl<L: Lanes, const CH: usize> Sink<L, CH> for Kept<CH> {
         fn take(&mut self, place: usize, means: [L; CH]) {
             let first = |x: L| L::flat(&[x])[0].into();
-            assert!(self.0[place].replace(means.map(first)).is_none(), "{place} twice");
+            let means = means.map(first);
+            let before = self.0[place].replace(means);
+            assert!(before.is_none_or(|before| before == means), "{place} twice");
         }
     }
 

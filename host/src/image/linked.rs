@@ -10,7 +10,7 @@ use super::fir::Sink;
 use super::kernel::Kernel;
 use super::strip::{self, Columns, Layout};
 use super::tiles::{MODES, Tile, Tiles};
-use super::worker::{STRIPS, blank_unusable, unload};
+use super::worker::{STRIPS, blank_unusable, put, unload};
 use super::{Run, StripResult};
 use crate::allocate::filled;
 use crate::error::Result;
@@ -326,6 +326,7 @@ impl<L: Lanes> Worker<L> {
     fn finish(&mut self, run: &Run<'_>, rows: usize) {
         let blocks = self.layout.blocks;
         let (places, n) = (rows * blocks, run.job.plan.frames());
+        let (mut row, mut closures) = (vec![L::zero(); n * blocks], vec![L::zero(); blocks]);
         let mut phases = vec![L::zero(); n];
         let mut score = vec![L::zero(); n];
         for place in 0..places {
@@ -341,11 +342,14 @@ impl<L: Lanes> Worker<L> {
                 }
                 *phase = sum;
             }
-            let (row, vector) = (place / blocks, place % blocks);
-            unload(&self.layout, &phases, row, vector, rows, &mut self.phases);
+            put(&mut row, &phases, place % blocks, blocks);
             if let Some(contrasts) = self.contrasts.get(place) {
                 let q = contrasts.iter().fold(L::zero(), |q, &x| x.mul_add(x, q));
-                unload(&self.layout, &[q], row, vector, rows, &mut self.closure);
+                closures[place % blocks] = q;
+            }
+            if (place + 1) % blocks == 0 {
+                unload(&self.layout, &row, [place / blocks, rows], &mut self.phases);
+                unload(&self.layout, &closures, [place / blocks, rows], &mut self.closure);
             }
         }
     }

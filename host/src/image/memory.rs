@@ -36,6 +36,8 @@ impl MemoryPlan {
         let mut rows = preferred.min(height);
         loop {
             let threads = job.threads.clamp(1, height.div_ceil(rows));
+            // Tiles are whole strips.
+            rows = if job.tiles.is_some() { rows } else { in_pairs(height, rows) };
             let strips = threads as u64 * bytes_per_thread::<L>(job, kernel, rows)?;
             let bytes = strips + job.tiles.map_or(0, Tiles::bytes);
             if bytes <= job.memory {
@@ -53,6 +55,15 @@ impl MemoryPlan {
             }
             rows = rows.div_ceil(2);
         }
+    }
+}
+
+/// Rows of strips of at most `rows`, so that an even number of them is alike: for two threads or four none is left over.
+/// (It does not depend on the threads: files would.)
+fn in_pairs(height: usize, rows: usize) -> usize {
+    match height.div_ceil(rows) {
+        1 => height,
+        strips => height.div_ceil(strips.next_multiple_of(2)),
     }
 }
 
@@ -91,6 +102,17 @@ fn bytes_per_thread<L: Lanes>(job: &ImageJob<'_>, kernel: &Kernel, rows: usize) 
 mod tests {
     use super::*;
     use phasewalk_core::weights::Weighting;
+
+    #[test]
+    fn strips_come_in_pairs() {
+        assert_eq!(in_pairs(368, 24), 23);
+        assert_eq!(in_pairs(384, 24), 24);
+        assert_eq!(in_pairs(400, 24), 23);
+        assert_eq!(in_pairs(24, 24), 24);
+        assert_eq!(in_pairs(25, 24), 13);
+        assert_eq!(in_pairs(5, 1), 1);
+        assert_eq!(in_pairs(1, 1), 1);
+    }
 
     #[test]
     fn only_what_the_method_takes_is_advised() {

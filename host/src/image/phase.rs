@@ -5,7 +5,7 @@ use crate::method::{Method, Plan};
 use phasewalk_core::batch::solve_series;
 use phasewalk_core::reference::subtract_reference;
 use phasewalk_core::regularize::batch_links;
-use phasewalk_core::solver::Solver;
+use phasewalk_core::solver::{Solver, links_for};
 use phasewalk_core::storage::{Link, Node};
 use phasewalk_core::variance::phase_variance;
 use phasewalk_core::weights::{debias, pair_variance};
@@ -52,7 +52,7 @@ impl<L: Lanes> Workspace<L> {
         let line = || vec![L::zero(); frames];
         Self {
             solver: Solver::with_storage(
-                vec![Link::new(); frames * lags],
+                vec![Link::new(); links_for(frames, lags)],
                 vec![Node::new(); frames],
                 lags,
                 plan.gauge(),
@@ -68,8 +68,10 @@ impl<L: Lanes> Workspace<L> {
 
     /// Bytes that [`Self::new`] takes.
     pub fn bytes(plan: &Plan, sigma: bool) -> usize {
-        let links = plan.params.max_lag * if sigma { 3 } else { 2 };
-        plan.frames() * (links * size_of::<L>() + size_of::<Node<L>>() + 4 * size_of::<L>())
+        let (frames, lags) = (plan.frames(), plan.params.max_lag);
+        let noise = if sigma { frames * lags } else { 0 };
+        let of_frame = size_of::<Node<L>>() + 4 * size_of::<L>();
+        links_for(frames, lags) * size_of::<Link<L>>() + noise * size_of::<L>() + frames * of_frame
     }
 
     /// Solve one vector from its samples, in the order of `Plan::pairs`.

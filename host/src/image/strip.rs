@@ -159,10 +159,11 @@ pub fn load<L: Lanes>(
         for &depth in source.depths {
             read_circular(series, frame, depth, &rows, layout.halo, buffer)?;
             let Some(target) = targets.next() else { return Ok(()) };
-            for (i, line) in buffer.chunks_exact(width).enumerate() {
+            for (i, line) in buffer.chunks_exact_mut(width).enumerate() {
                 let y = circular(rows.start, i, layout.halo, height);
                 let valid = &source.valid[y * width..][..width];
-                scatter(line, valid, source.scale, layout, columns.line(target, i));
+                scale_usable(line, valid, source.scale);
+                scatter(line, layout, columns.line(target, i));
             }
         }
     }
@@ -206,26 +207,32 @@ fn read_circular(
     Ok(())
 }
 
+/// Scale the numbers of a line, and leave 0 where the pixel is not usable.
+#[inline(always)]
+pub(super) fn scale_usable(line: &mut [Complex32], valid: &[bool], scale: f32) {
+    for (u, &valid) in line.iter_mut().zip(valid) {
+        u.re = if valid { u.re * scale } else { 0.0 };
+        u.im = if valid { u.im * scale } else { 0.0 };
+    }
+}
+
 /// One line into lane blocks.
 #[inline(always)]
 pub(super) fn scatter<'a, L: Lanes>(
     line: &[Complex32],
-    valid: &[bool],
-    scale: f32,
     layout: &Layout,
     vectors: impl Iterator<Item = &'a mut Complex<L>>,
 ) {
-    for (i, vector) in vectors.enumerate() {
-        let (mut re, mut im) = ([L::zero()], [L::zero()]);
-        let lanes = L::flat_mut(&mut re).iter_mut().zip(L::flat_mut(&mut im));
-        for (lane, (re, im)) in lanes.enumerate() {
-            let column = (lane * layout.blocks + i) % layout.width;
-            let usable = if valid[column] { scale } else { 0.0 };
+    for (i, Complex { re, im }) in vectors.enumerate() {
+        let re = L::flat_mut(std::slice::from_mut(re)).iter_mut();
+        let im = L::flat_mut(std::slice::from_mut(im)).iter_mut();
+        for (lane, (re, im)) in re.zip(im).enumerate() {
+            let column = lane * layout.blocks + i;
+            let column = if column < line.len() { column } else { column % line.len() };
             let u = line[column];
-            *re = L::Element::from(if usable > 0.0 { u.re * usable } else { 0.0 });
-            *im = L::Element::from(if usable > 0.0 { u.im * usable } else { 0.0 });
+            *re = L::Element::from(u.re);
+            *im = L::Element::from(u.im);
         }
-        *vector = Complex { re: re[0], im: im[0] };
     }
 }
 

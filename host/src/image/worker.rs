@@ -64,6 +64,8 @@ struct Worker<L> {
     /// (row, vector, pair), |gamma|^2.
     coherences: Vec<L>,
     workspace: Workspace<L>,
+    /// Results of a row.
+    row: Row<L>,
     /// (time, row, x).
     phases: Vec<f32>,
     sigmas: Vec<f32>,
@@ -96,6 +98,7 @@ impl<L: Lanes> Worker<L> {
                 STRIPS,
             )?,
             workspace: Workspace::new(job.plan, job.keeps_coherence()),
+            row: Row::new(frames, layout.blocks, job.keeps_coherence()),
             phases: vec![0.0; frames * run.rows * width],
             sigmas: vec![0.0; when(job.keeps_coherence(), frames * run.rows * width)],
             measured: vec![0.0; run.rows * width],
@@ -191,14 +194,21 @@ impl<L: Lanes> Worker<L> {
                 let coherences = &self.coherences[place * count..][..count];
                 let looks = run.job.effective_looks;
                 self.workspace.find_sigmas(run.job.plan, &self.pairs, samples, coherences, looks);
-                let (row, vector) = (place / blocks, place % blocks);
-                unload(&self.layout, &self.workspace.sigmas, row, vector, rows, &mut self.sigmas);
             }
-            let (row, vector) = (place / blocks, place % blocks);
-            unload(&self.layout, &self.workspace.phases, row, vector, rows, &mut self.phases);
-            let measured = [self.workspace.measured_at_all()];
-            unload(&self.layout, &measured, row, vector, rows, &mut self.measured);
+            self.row.keep(&self.workspace, place % blocks);
+            if (place + 1) % blocks == 0 {
+                self.unload_row(place / blocks, rows);
+            }
         }
+    }
+
+    /// What [`Self::row`] holds into the results of the strip's `rows` rows.
+    #[inline(always)]
+    fn unload_row(&mut self, row: usize, rows: usize) {
+        let Self { layout, row: results, .. } = self;
+        unload(layout, &results.phases, [row, rows], &mut self.phases);
+        unload(layout, &results.sigmas, [row, rows], &mut self.sigmas);
+        unload(layout, &results.measured, [row, rows], &mut self.measured);
     }
 
     /// Hand the strip over, NaN where the pixel is not usable.
@@ -215,6 +225,43 @@ impl<L: Lanes> Worker<L> {
         let phases = &self.phases[..size];
         let closure = None;
         (run.each)(StripResult { first_row: rows.start, phases, sigmas, closure, valid })
+    }
+}
+
+/// Results of a row of vectors, (frame, vector).
+struct Row<L> {
+    phases: Vec<L>,
+    /// Empty where they are not asked for.
+    sigmas: Vec<L>,
+    /// (vector), 0 where no pair had a weight.
+    measured: Vec<L>,
+}
+
+impl<L: Lanes> Row<L> {
+    fn new(frames: usize, blocks: usize, sigma: bool) -> Self {
+        let zeros = |count: usize| vec![L::zero(); count];
+        Self {
+            phases: zeros(frames * blocks),
+            sigmas: zeros(if sigma { frames * blocks } else { 0 }),
+            measured: zeros(blocks),
+        }
+    }
+
+    /// Take the vector that has just been solved.
+    #[inline(always)]
+    fn keep(&mut self, solved: &Workspace<L>, vector: usize) {
+        let blocks = self.measured.len();
+        put(&mut self.phases, &solved.phases, vector, blocks);
+        put(&mut self.sigmas, &solved.sigmas, vector, blocks);
+        self.measured[vector] = solved.measured_at_all();
+    }
+}
+
+/// A vector's results, (frame), into those of its row, (frame, vector).
+#[inline(always)]
+pub(super) fn put<L: Copy>(row: &mut [L], results: &[L], vector: usize, blocks: usize) {
+    for (places, &result) in row.chunks_exact_mut(blocks).zip(results) {
+        places[vector] = result;
     }
 }
 
@@ -283,21 +330,21 @@ fn frames_of_progress(done: usize, pairs: usize, frames: usize) -> u64 {
     (done * frames / pairs.max(1)) as u64
 }
 
-/// Copy one vector's results, (time), to its columns of (time, row, x).
+/// Copy the results of a row, (frame, vector), to (frame, row, x); `row` is which, and of how many.
 #[inline(always)]
 pub(super) fn unload<L: Lanes>(
     layout: &Layout,
     values: &[L],
-    row: usize,
-    vector: usize,
-    rows: usize,
+    [row, rows]: [usize; 2],
     results: &mut [f32],
 ) {
-    for (value, frame) in values.iter().zip(results.chunks_exact_mut(rows * layout.width)) {
-        let line = &mut frame[row * layout.width..][..layout.width];
-        for (lane, &number) in L::flat(std::slice::from_ref(value)).iter().enumerate() {
-            if let Some(place) = line.get_mut(lane * layout.blocks + vector) {
-                *place = number.into() as f32;
+    let Layout { width, blocks, .. } = *layout;
+    for (values, frame) in values.chunks_exact(blocks).zip(results.chunks_exact_mut(rows * width)) {
+        let numbers = L::flat(values);
+        let line = &mut frame[row * width..][..width];
+        for (lane, piece) in line.chunks_mut(blocks).enumerate() {
+            for (vector, place) in piece.iter_mut().enumerate() {
+                *place = numbers[vector * L::WIDTH + lane].into() as f32;
             }
         }
     }

@@ -1,6 +1,8 @@
 //! What the fields have in common with themselves at each distance, and what of that is chance.
 
 use super::{MOST_CHANCE, Product};
+use crate::error::Result;
+use crate::lanes::{LaneTask, Lanes, Path};
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 
@@ -14,14 +16,16 @@ pub(super) struct Products {
 }
 
 impl Products {
-    pub(super) fn of(fields: &[Vec<Complex32>], lines: Lines, reach: [isize; 2]) -> Self {
+    /// # Errors
+    /// When the path of the vector instructions cannot be taken.
+    pub(super) fn of(fields: &[Vec<Complex32>], lines: Lines, reach: [isize; 2]) -> Result<Self> {
         let mut products = Self { of: Vec::new(), reach, step: lines.step };
         let at = |i: usize| {
             let (dy, dx) = products.distance(i);
             fields.iter().map(|field| neighbours(field, lines, dy as usize, dx)).collect()
         };
-        products.of = (0..=products.half()).into_par_iter().map(at).collect();
-        products
+        products.of = (0..=products.half()).into_par_iter().map(at).collect::<Result<_>>()?;
+        Ok(products)
     }
 
     /// Number of the last distance.
@@ -113,17 +117,51 @@ pub(super) struct Lines {
 }
 
 /// Those rows of the field and their neighbours at (dy, dx); dy >= 0.
-pub(super) fn neighbours(field: &[Complex32], lines: Lines, dy: usize, dx: isize) -> Product {
-    let Lines { width, step } = lines;
-    let rows = field.chunks_exact(width);
-    let partners = rows.clone().skip(dy).step_by(step);
-    let columns = (-dx).max(0) as usize..(width as isize - dx.max(0)).max(0) as usize;
-    let mut product = Product::default();
-    for (row, partner) in rows.step_by(step).zip(partners) {
-        let shifted = (columns.start as isize + dx) as usize..;
-        product.add_row(&row[columns.clone()], &partner[shifted]);
+///
+/// # Errors
+/// As [`Products::of`].
+pub(super) fn neighbours(
+    field: &[Complex32],
+    lines: Lines,
+    dy: usize,
+    dx: isize,
+) -> Result<Product> {
+    Path::best()?.run(Neighbours { field, lines, dy, dx })
+}
+
+/// [`neighbours`], in whatever vectors: the compiler makes them of [`Product::add_row`].
+struct Neighbours<'a> {
+    field: &'a [Complex32],
+    lines: Lines,
+    dy: usize,
+    dx: isize,
+}
+
+impl LaneTask for Neighbours<'_> {
+    type Output = Product;
+
+    #[inline(always)]
+    fn run<L: Lanes<Element = f32>>(self) -> Product {
+        let Self { field, lines: Lines { width, step }, dy, dx } = self;
+        let rows = field.chunks_exact(width);
+        let partners = rows.clone().skip(dy).step_by(step);
+        let columns = (-dx).max(0) as usize..(width as isize - dx.max(0)).max(0) as usize;
+        let mut product = Product::default();
+        for (row, partner) in rows.step_by(step).zip(partners) {
+            let shifted = (columns.start as isize + dx) as usize..;
+            product.add_row(&row[columns.clone()], &partner[shifted]);
+        }
+        product
     }
-    product
+}
+
+#[inline(always)]
+fn sum(of: [f32; SIDE_BY_SIDE]) -> f64 {
+    let mut sum = 0.0;
+    for number in of {
+        sum += f64::from(number);
+    }
+    sum
 }
 
 /// Pixels whose products are summed side by side, in single precision: the compiler does several at a time.
@@ -131,6 +169,7 @@ const SIDE_BY_SIDE: usize = 16;
 
 impl Product {
     /// Take pair after pair of a row in; what is longer than the other has no partner.
+    #[inline(always)]
     pub(super) fn add_row(&mut self, u: &[Complex32], v: &[Complex32]) {
         let length = u.len().min(v.len());
         let (u, u_rest) = u[..length].as_chunks::<SIDE_BY_SIDE>();
@@ -148,7 +187,6 @@ impl Product {
                 pairs[i] += if there { 1.0 } else { 0.0 };
             }
         }
-        let sum = |of: [f32; SIDE_BY_SIDE]| of.into_iter().map(f64::from).sum::<f64>();
         self.cross += Complex64::new(sum(re), sum(im));
         self.powers[0] += sum(p_sum);
         self.powers[1] += sum(q_sum);

@@ -74,7 +74,7 @@ impl SpatialCoherence {
         let chosen: Vec<usize> = spread(frames).collect();
         let sampled = chosen.into_par_iter().map(sample).collect::<Result<Vec<_>>>()?;
         let fields: Vec<_> =
-            with_speckle(sampled, window.columns.len()).into_iter().flatten().collect();
+            with_speckle(sampled, window.columns.len())?.into_iter().flatten().collect();
         let sides = [window.rows.len(), window.columns.len()];
         // Pairs further apart than half of the image are few, and more chance than coherence.
         let furthest = |side: usize| FIRST_REACH.max(LAST_REACH.min(side / 2));
@@ -82,7 +82,7 @@ impl SpatialCoherence {
         let mut reach = limits.map(|limit| limit.min(FIRST_REACH as isize));
         loop {
             progress::check()?;
-            let (coherence, chance) = Self::of_fields(&fields, sides[1], reach);
+            let (coherence, chance) = Self::of_fields(&fields, sides[1], reach)?;
             if reach == limits || coherence.at_the_rim(limits) < STILL_COHERENT.max(2.0 * chance) {
                 return Ok(coherence);
             }
@@ -96,9 +96,13 @@ impl SpatialCoherence {
     }
 
     /// And what chance adds to it, which is left out already.
-    fn of_fields(fields: &[Vec<Complex32>], width: usize, reach: [isize; 2]) -> (Self, f64) {
+    fn of_fields(
+        fields: &[Vec<Complex32>],
+        width: usize,
+        reach: [isize; 2],
+    ) -> Result<(Self, f64)> {
         let step = (fields.first().map_or(0, |field| usable(field)) / PIXELS).max(1);
-        let products = Products::of(fields, Lines { width, step }, reach);
+        let products = Products::of(fields, Lines { width, step }, reach)?;
         let mut fields: Vec<usize> = (0..fields.len()).collect();
         let (squared, chance) = products.squared(&fields);
         let far: Vec<f64> = fields.iter().map(|&field| products.far(field)).collect();
@@ -106,7 +110,7 @@ impl SpatialCoherence {
         let most = fields.get(fields.len() / 4).map_or(0.0, |&field| MORE * far[field]);
         fields.retain(|&field| far[field] <= most);
         let (of_aperture, _) = products.squared(&fields);
-        (Self { reach, squared, of_aperture }, chance)
+        Ok((Self { reach, squared, of_aperture }, chance))
     }
 
     /// Largest |mu|^2 on the rim of the window, where the image still reaches further.
@@ -247,20 +251,24 @@ impl Window {
 
 /// Leave out frames that hold noise only, or nothing: their pixels are independent whatever the aperture does. Where
 /// neighbours have anything in common at all, it is less than half as much in them as in the middle one of the frames.
-fn with_speckle(mut frames: Vec<Vec<Vec<Complex32>>>, width: usize) -> Vec<Vec<Vec<Complex32>>> {
+fn with_speckle(
+    mut frames: Vec<Vec<Vec<Complex32>>>,
+    width: usize,
+) -> Result<Vec<Vec<Vec<Complex32>>>> {
     let lit = |fields: &Vec<Vec<Complex32>>| fields.iter().flatten().any(|u| u.norm_sqr() > 0.0);
     if frames.iter().any(lit) {
         frames.retain(lit);
     }
-    let common = |fields: &Vec<Vec<Complex32>>| -> f64 {
+    let common = |fields: &Vec<Vec<Complex32>>| -> Result<f64> {
         let lines = Lines { width, step: 1 };
-        let of = |field: &Vec<Complex32>| {
-            neighbours(field, lines, 0, 1).above_chance()
-                + neighbours(field, lines, 1, 0).above_chance()
-        };
-        fields.iter().map(of).sum::<f64>() / fields.len().max(1) as f64
+        let mut sum = 0.0;
+        for field in fields {
+            sum += neighbours(field, lines, 0, 1)?.above_chance();
+            sum += neighbours(field, lines, 1, 0)?.above_chance();
+        }
+        Ok(sum / fields.len().max(1) as f64)
     };
-    let common: Vec<f64> = frames.par_iter().map(common).collect();
+    let common: Vec<f64> = frames.par_iter().map(common).collect::<Result<_>>()?;
     let mut sorted = common.clone();
     sorted.sort_unstable_by(f64::total_cmp);
     let middle = sorted.get(sorted.len() / 2).copied().unwrap_or_default();
@@ -269,7 +277,7 @@ fn with_speckle(mut frames: Vec<Vec<Vec<Complex32>>>, width: usize) -> Vec<Vec<V
         let mut common = common.into_iter();
         frames.retain(|_| common.next().is_some_and(|common| common > middle / 2.0));
     }
-    frames
+    Ok(frames)
 }
 
 /// Pixels that are not 0.
@@ -321,10 +329,10 @@ mod tests {
         let mut mixed = good.clone();
         mixed.insert(0, vec![dark.clone()]);
         mixed.insert(2, vec![noise(4)]);
-        assert_eq!(with_speckle(mixed, SIDE), good);
+        assert_eq!(with_speckle(mixed, SIDE).unwrap(), good);
         let only_noise: Vec<_> = (1..=4).map(|seed| vec![noise(seed)]).collect();
-        assert_eq!(with_speckle(only_noise.clone(), SIDE), only_noise);
-        assert_eq!(with_speckle(vec![vec![dark.clone()]], SIDE), [[dark]]);
+        assert_eq!(with_speckle(only_noise.clone(), SIDE).unwrap(), only_noise);
+        assert_eq!(with_speckle(vec![vec![dark.clone()]], SIDE).unwrap(), [[dark]]);
     }
 
     /// |mu|^2 = 1 everywhere: one look. Weights that reach over the edges must not count twice.
@@ -353,7 +361,7 @@ mod tests {
         for _ in 0..runs {
             let mut field = || (0..SIDE * SIDE).map(|_| number()).collect::<Vec<_>>();
             let fields: Vec<Vec<Complex32>> = (0..FRAMES).map(|_| field()).collect();
-            let (coherence, _) = SpatialCoherence::of_fields(&fields, SIDE, [6, 6]);
+            let (coherence, _) = SpatialCoherence::of_fields(&fields, SIDE, [6, 6]).unwrap();
             looks += coherence.looks_of_mask(&[true; SIDE * SIDE], SIDE) / f64::from(runs);
         }
         // The sum over 84 distances has a standard deviation of 1.5 %, and what falls below 0 is cut off; clamped

@@ -6,6 +6,7 @@
 use super::{Product, read_usable, spread};
 use crate::error::Result;
 use crate::io::{Series, Shape};
+use crate::lanes::{LaneTask, Lanes, Path};
 use crate::progress;
 use crate::series::Survey;
 use num_complex::Complex32;
@@ -30,11 +31,12 @@ const ENOUGH: f64 = 0.5;
 /// When the series cannot be read or the user interrupts.
 pub fn speckled(series: &dyn Series, survey: &Survey, depth: usize) -> Result<Survey> {
     let shape = series.shape();
-    let mut squares = Squares::new(shape);
+    let (mut squares, path) = (Squares::new(shape), Path::best()?);
     let products = |frame: usize| {
         progress::check()?;
         let read = |frame| read_usable(series, survey, frame, depth);
-        Ok(squares.products(&read(frame)?, &read(frame + 1)?))
+        let (earlier, later) = (read(frame)?, read(frame + 1)?);
+        path.run(FramePair { squares: &squares, earlier: &earlier, later: &later })
     };
     let frames: Vec<usize> = spread(shape.frames.saturating_sub(1)).collect();
     let all: Vec<Vec<Product>> = frames.into_par_iter().map(products).collect::<Result<_>>()?;
@@ -103,20 +105,6 @@ impl Squares {
         i / self.width / rows * self.columns + i % self.width / columns
     }
 
-    /// Of one pair of frames, square by square.
-    fn products(&self, earlier: &[Complex32], later: &[Complex32]) -> Vec<Product> {
-        let mut products = vec![Product::default(); self.squares.len()];
-        let rows = earlier.chunks(self.width).zip(later.chunks(self.width));
-        for (y, (earlier, later)) in rows.enumerate() {
-            let squares = &mut products[y / self.sides[0] * self.columns..];
-            let pieces = earlier.chunks(self.sides[1]).zip(later.chunks(self.sides[1]));
-            for (product, (u, v)) in squares.iter_mut().zip(pieces) {
-                product.add_row(u, v);
-            }
-        }
-        products
-    }
-
     fn add(&mut self, products: Vec<Product>) {
         for (square, product) in self.squares.iter_mut().zip(products) {
             square.add(product);
@@ -128,6 +116,32 @@ impl Squares {
         let seen: Vec<Option<f64>> = self.squares.iter().map(Square::seen).collect();
         let least = ENOUGH * middle(seen.iter().flatten().copied().collect());
         seen.iter().map(|seen| seen.map_or(least == 0.0, |agreement| agreement >= least)).collect()
+    }
+}
+
+/// Two frames, whose products are found square by square.
+struct FramePair<'a> {
+    squares: &'a Squares,
+    earlier: &'a [Complex32],
+    later: &'a [Complex32],
+}
+
+impl LaneTask for FramePair<'_> {
+    type Output = Vec<Product>;
+
+    #[inline(always)]
+    fn run<L: Lanes<Element = f32>>(self) -> Vec<Product> {
+        let Squares { width, sides, columns, ref squares } = *self.squares;
+        let mut products = vec![Product::default(); squares.len()];
+        let rows = self.earlier.chunks(width).zip(self.later.chunks(width));
+        for (y, (earlier, later)) in rows.enumerate() {
+            let squares = &mut products[y / sides[0] * columns..];
+            let pieces = earlier.chunks(sides[1]).zip(later.chunks(sides[1]));
+            for (product, (u, v)) in squares.iter_mut().zip(pieces) {
+                product.add_row(u, v);
+            }
+        }
+        products
     }
 }
 

@@ -2,12 +2,12 @@
 
 use super::super::phase::take_sample;
 use super::super::stages::{Frames, Laps, Stage, time_passes, time_sink};
-use super::{PairSamples, Run, Worker, unload};
+use super::{PairSamples, Run, Worker, put, unload};
 use crate::error::Result;
 use crate::lanes::{Lanes, Stream};
 use crate::method::Average;
 use phasewalk_core::batch::{assemble_series, finish_series};
-use phasewalk_core::solver::Solver;
+use phasewalk_core::solver::{Solver, links_for};
 use phasewalk_core::storage::{Link, Node};
 use std::time::Instant;
 
@@ -66,7 +66,7 @@ impl<L: Lanes> Worker<L> {
     fn time_solution(&mut self, run: &Run<'_>, laps: &mut Laps) {
         let plan = run.job.plan;
         let (frames, lags, params) = (plan.frames(), plan.params.max_lag, &plan.params);
-        let links = vec![Link::new(); frames * lags];
+        let links = vec![Link::new(); links_for(frames, lags)];
         let nodes = vec![Node::new(); frames];
         let references = params.reference_frames;
         let mut solver = Solver::with_storage(links, nodes, lags, plan.gauge(), references);
@@ -81,8 +81,11 @@ impl<L: Lanes> Worker<L> {
             finish_series(&mut solver, params, &mut phases, &mut measured);
             laps.end(Stage::Solve, start);
             let start = Instant::now();
-            let (row, vector) = (place / self.layout.blocks, place % self.layout.blocks);
-            unload(&self.layout, &phases, row, vector, run.rows, &mut self.phases);
+            let (blocks, row) = (self.layout.blocks, &mut self.row.phases);
+            put(row, &phases, place % blocks, blocks);
+            if (place + 1) % blocks == 0 {
+                unload(&self.layout, row, [place / blocks, run.rows], &mut self.phases);
+            }
             laps.end(Stage::Report, start);
         }
     }

@@ -60,17 +60,28 @@ impl Series for NpySeries {
         self.shape.check_request(frame, depth, &rows, out.len())?;
         let first = self.shape.offset_of_row(frame, depth, rows.start);
         let mut position = self.data_offset + (first * self.number_type.bytes) as u64;
+        if is_native(self.number_type) {
+            return read_exact(&self.file, &self.path, position, bytemuck::cast_slice_mut(out));
+        }
         let mut block = vec![0_u8; BLOCK.min(out.len() * self.number_type.bytes)];
         for piece in out.chunks_mut(BLOCK / self.number_type.bytes) {
             let bytes = &mut block[..piece.len() * self.number_type.bytes];
-            self.file
-                .read_exact_at(bytes, position)
-                .map_err(|error| cannot_read(&self.path, &error))?;
+            read_exact(&self.file, &self.path, position, bytes)?;
             decode(self.number_type, bytes, piece);
             position += bytes.len() as u64;
         }
         Ok(())
     }
+}
+
+/// Are the numbers stored as this machine holds them?
+fn is_native(number_type: NumberType) -> bool {
+    number_type.bytes == size_of::<Complex32>()
+        && number_type.big_endian == cfg!(target_endian = "big")
+}
+
+fn read_exact(file: &File, path: &Path, position: u64, bytes: &mut [u8]) -> Result<()> {
+    file.read_exact_at(bytes, position).map_err(|error| cannot_read(path, &error))
 }
 
 /// A file in Fortran order, where a row is scattered all over the file: held in memory.
