@@ -92,15 +92,14 @@ impl<L: Lanes> Passes<L> {
     pub fn new(layout: &Layout, rows: usize, half: &[f64]) -> Self {
         Self {
             column: vec![L::zero(); CHANNELS * (rows + 2 * layout.halo)],
-            rows: vec![L::zero(); CHANNELS * rows * (layout.blocks + 2 * layout.halo)],
+            rows: vec![L::zero(); CHANNELS * rows * row_places(layout)],
             half: half.iter().map(|&tap| L::from_f64(tap)).collect(),
         }
     }
 
     /// Bytes that [`Self::new`] takes.
     pub fn bytes(layout: &Layout, rows: usize) -> usize {
-        let row = layout.blocks + 2 * layout.halo;
-        CHANNELS * size_of::<L>() * (rows + 2 * layout.halo + rows * row)
+        CHANNELS * size_of::<L>() * (rows + 2 * layout.halo + rows * row_places(layout))
     }
 
     /// Filter the pair: ⟨C⟩ in the first two channels and, with four, ⟨C/|C|⟩ in the others.
@@ -150,7 +149,7 @@ impl<L: Lanes> Passes<L> {
     /// The second: filter that along y.
     #[inline(always)]
     pub(super) fn down<const CH: usize>(&mut self, layout: &Layout, rows: usize, vector: usize) {
-        let long = layout.blocks + 2 * layout.halo;
+        let long = row_places(layout);
         let column = &self.column.as_chunks::<CH>().0[..rows + 2 * layout.halo];
         let mut between = Rows(&mut self.rows.as_chunks_mut::<CH>().0[..rows * long]);
         fir::filter(column, &self.half, [layout.halo + vector, long], &mut between);
@@ -164,13 +163,20 @@ impl<L: Lanes> Passes<L> {
         rows: usize,
         sink: &mut impl Sink<L, CH>,
     ) {
-        let long = layout.blocks + 2 * layout.halo;
+        let (long, used) = (row_places(layout), layout.blocks + 2 * layout.halo);
         let between = &mut self.rows.as_chunks_mut::<CH>().0[..rows * long];
         for (row, line) in between.chunks_exact_mut(long).enumerate() {
+            let line = &mut line[..used];
             layout.fill_halo(line);
             fir::filter(line, &self.half, [row * layout.blocks, 1], sink);
         }
     }
+}
+
+/// Places of a row between the passes with its halo, and one more where they are even: the rows of a vector, which are
+/// written one after the other, then lie in different sets of the cache.
+fn row_places(layout: &Layout) -> usize {
+    (layout.blocks + 2 * layout.halo) | 1
 }
 
 /// What is filtered. (Not a closure, as [`Sink`].)

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 /// Sums of U(x) conj U(x + d) of each field, at the distances d up to `reach` along y and x: half of them, as mu(-d) is the
 /// conjugate of mu(d).
 pub(super) struct Products {
-    /// (distance, field), d = 0 first.
+    /// (field, distance), d = 0 first.
     of: Vec<Vec<Product>>,
     reach: [isize; 2],
     step: usize,
@@ -20,11 +20,9 @@ impl Products {
     /// When the path of the vector instructions cannot be taken.
     pub(super) fn of(fields: &[Vec<Complex32>], lines: Lines, reach: [isize; 2]) -> Result<Self> {
         let mut products = Self { of: Vec::new(), reach, step: lines.step };
-        let at = |i: usize| {
-            let (dy, dx) = products.distance(i);
-            fields.iter().map(|field| neighbours(field, lines, dy as usize, dx)).collect()
-        };
-        products.of = (0..=products.half()).into_par_iter().map(at).collect::<Result<_>>()?;
+        let distances: Vec<_> = (0..=products.half()).map(|i| products.distance(i)).collect();
+        let of = |field: &Vec<Complex32>| neighbours(field, lines, &distances);
+        products.of = fields.par_iter().map(of).collect::<Result<_>>()?;
         Ok(products)
     }
 
@@ -44,8 +42,11 @@ impl Products {
     /// |mu(d)|^2 of the `chosen` fields, (dy, dx) row after row, without what chance adds; and that.
     pub(super) fn squared(&self, chosen: &[usize]) -> (Vec<f64>, f64) {
         let half = self.half();
-        let of = |products: &Vec<Product>| Measured::of(products, chosen, self.step);
-        let measured: Vec<Measured> = self.of.iter().map(of).collect();
+        let at = |i: usize| {
+            let products = chosen.iter().map(|&field| &self.of[field][i]);
+            Measured::of(products, self.step)
+        };
+        let measured: Vec<Measured> = (0..=half).map(at).collect();
         let chance = chance(&measured);
         let pixels = measured[0].pairs;
         let squared = |i: usize| measured[i.abs_diff(half)].without(chance, pixels);
@@ -58,8 +59,8 @@ impl Products {
             let (dy, dx) = self.distance(i);
             2 * dy.abs() > self.reach[0] || 2 * dx.abs() > self.reach[1]
         };
-        let far = self.of.iter().enumerate().filter(|&(i, _)| is_far(i));
-        far.map(|(_, products)| products[field].coherence_squared()).sum()
+        let far = self.of[field].iter().enumerate().filter(|&(i, _)| is_far(i));
+        far.map(|(_, product)| product.coherence_squared()).sum()
     }
 }
 
@@ -72,14 +73,14 @@ struct Measured {
 }
 
 impl Measured {
-    /// From the products of the `chosen` fields, for which one of `step` rows was taken.
-    fn of(products: &[Product], chosen: &[usize], step: usize) -> Self {
+    /// From the fields' products, for which one of `step` rows was taken.
+    fn of<'a>(products: impl ExactSizeIterator<Item = &'a Product>, step: usize) -> Self {
+        let count = products.len().max(1) as f64;
         let (mut raw, mut pairs) = (0.0, 0);
-        for &field in chosen {
-            raw += products[field].coherence_squared();
-            pairs += products[field].pairs;
+        for product in products {
+            raw += product.coherence_squared();
+            pairs += product.pairs;
         }
-        let count = chosen.len().max(1) as f64;
         Self { raw: raw / count, pairs: (step * pairs) as f64 / count }
     }
 
@@ -116,42 +117,43 @@ pub(super) struct Lines {
     pub step: usize,
 }
 
-/// Those rows of the field and their neighbours at (dy, dx); dy >= 0.
+/// Those rows of the field and their neighbours at each of the `distances` (dy, dx); dy >= 0.
 ///
 /// # Errors
 /// As [`Products::of`].
 pub(super) fn neighbours(
     field: &[Complex32],
     lines: Lines,
-    dy: usize,
-    dx: isize,
-) -> Result<Product> {
-    Path::best()?.run(Neighbours { field, lines, dy, dx })
+    distances: &[(isize, isize)],
+) -> Result<Vec<Product>> {
+    Path::best()?.run(Neighbours { field, lines, distances })
 }
 
 /// [`neighbours`], in whatever vectors: the compiler makes them of [`Product::add_row`].
 struct Neighbours<'a> {
     field: &'a [Complex32],
     lines: Lines,
-    dy: usize,
-    dx: isize,
+    distances: &'a [(isize, isize)],
 }
 
 impl LaneTask for Neighbours<'_> {
-    type Output = Product;
+    type Output = Vec<Product>;
 
     #[inline(always)]
-    fn run<L: Lanes<Element = f32>>(self) -> Product {
-        let Self { field, lines: Lines { width, step }, dy, dx } = self;
-        let rows = field.chunks_exact(width);
-        let partners = rows.clone().skip(dy).step_by(step);
-        let columns = (-dx).max(0) as usize..(width as isize - dx.max(0)).max(0) as usize;
-        let mut product = Product::default();
-        for (row, partner) in rows.step_by(step).zip(partners) {
-            let shifted = (columns.start as isize + dx) as usize..;
-            product.add_row(&row[columns.clone()], &partner[shifted]);
+    fn run<L: Lanes<Element = f32>>(self) -> Vec<Product> {
+        let Self { field, lines: Lines { width, step }, distances } = self;
+        let mut products = vec![Product::default(); distances.len()];
+        // All distances of a row before the next: the cache then holds the rows.
+        for (y, row) in field.chunks_exact(width).enumerate().step_by(step) {
+            for (product, &(dy, dx)) in products.iter_mut().zip(distances) {
+                let place = (y + dy as usize) * width;
+                let Some(partner) = field.get(place..place + width) else { continue };
+                let own = (-dx).max(0) as usize..(width as isize - dx.max(0)) as usize;
+                let shifted = (own.start as isize + dx) as usize..;
+                product.add_row(&row[own], &partner[shifted]);
+            }
         }
-        product
+        products
     }
 }
 

@@ -2,7 +2,7 @@
 //! the field, sum_x U(x) conj U(x+d), normalised by the powers at both ends.
 
 use super::products::{Lines, Products, neighbours};
-use super::{SEEN, read_usable, spread};
+use super::{Product, SEEN, read_usable, spread};
 use crate::error::Result;
 use crate::image::Kernel;
 use crate::io::{Series, Shape};
@@ -263,8 +263,8 @@ fn with_speckle(
         let lines = Lines { width, step: 1 };
         let mut sum = 0.0;
         for field in fields {
-            sum += neighbours(field, lines, 0, 1)?.above_chance();
-            sum += neighbours(field, lines, 1, 0)?.above_chance();
+            let beside = neighbours(field, lines, &[(0, 1), (1, 0)])?;
+            sum += beside.iter().map(Product::above_chance).sum::<f64>();
         }
         Ok(sum / fields.len().max(1) as f64)
     };
