@@ -241,8 +241,10 @@ fn join_two_rows<'a, T: Scalar>(
 ) -> Option<Panel<'a, T>> {
     let (row, next_row) = rows.split_at_mut_checked(stride)?;
     let (between, row) = row.split_first_mut()?;
-    let [([to_p, next_p], p), ([to_q, next_q], q)] = [p.split_first_chunk()?, q.split_first_chunk()?];
-    let [([to_r, next_r], r), ([to_s, next_s], s)] = [r.split_first_chunk()?, s.split_first_chunk()?];
+    let [([to_p, next_p], p), ([to_q, next_q], q)] =
+        [p.split_first_chunk()?, q.split_first_chunk()?];
+    let [([to_r, next_r], r), ([to_s, next_s], s)] =
+        [r.split_first_chunk()?, s.split_first_chunk()?];
     if next_row.is_empty() {
         return None;
     }

@@ -1,10 +1,11 @@
 //! A band of rows of the images as they come: the last frames, their phases, and what becomes of the next one.
 
+use super::fields::{circular, scale_usable, scatter};
 use super::filter::{Pair, Passes};
 use super::fir::Sink;
 use super::memory::STRIP_ROWS;
 use super::newest::{Incoming, NewestSettings, Outgoing};
-use super::strip::{Columns, Layout, circular, scale_usable, scatter};
+use super::strip::{Columns, Layout};
 use super::worker::unload;
 use crate::allocate::filled;
 use crate::error::Result;

@@ -1,23 +1,23 @@
 //! The imaging code in the lanes of the job's precision and path.
 
 use super::linked;
+use super::turns::Turns;
 use super::worker::work;
 use super::{ImageJob, Kernel, MemoryPlan, Run};
 use crate::error::Result;
 use crate::lanes::{Array, LaneTask, Lanes};
-use std::sync::atomic::AtomicUsize;
 
-/// One thread: strips, numbered by the counter, until there are none left.
-pub(super) fn strips(run: &Run<'_>, next: &AtomicUsize) -> Result<()> {
+/// One thread: strips until there are none left.
+pub(super) fn strips(run: &Run<'_>, turns: &Turns) -> Result<()> {
     if run.job.double {
-        return in_lanes::<Array<f64, 8>>(run, next);
+        return in_lanes::<Array<f64, 8>>(run, turns);
     }
-    run.job.path.run(Strips { run, next })?
+    run.job.path.run(Strips { run, turns })?
 }
 
 struct Strips<'a> {
     run: &'a Run<'a>,
-    next: &'a AtomicUsize,
+    turns: &'a Turns,
 }
 
 impl LaneTask for Strips<'_> {
@@ -25,15 +25,15 @@ impl LaneTask for Strips<'_> {
 
     #[inline(always)]
     fn run<L: Lanes<Element = f32>>(self) -> Result<()> {
-        in_lanes::<L>(self.run, self.next)
+        in_lanes::<L>(self.run, self.turns)
     }
 }
 
 #[inline(always)]
-fn in_lanes<L: Lanes>(run: &Run<'_>, next: &AtomicUsize) -> Result<()> {
+fn in_lanes<L: Lanes>(run: &Run<'_>, turns: &Turns) -> Result<()> {
     match run.job.tiles {
-        Some(tiles) => linked::work::<L>(run, tiles, next),
-        None => work::<L>(run, next),
+        Some(tiles) => linked::work::<L>(run, tiles, turns),
+        None => work::<L>(run, turns),
     }
 }
 

@@ -5,11 +5,13 @@
 
 pub(super) mod stages;
 
+use super::fields::{self, Fields};
 use super::filter::{Pair, Passes, Source};
 use super::fir::Sink;
 use super::kernel::Kernel;
-use super::strip::{self, Columns, Layout};
+use super::strip::{Columns, Layout};
 use super::tiles::{MODES, Tile, Tiles};
+use super::turns::Turns;
 use super::worker::{STRIPS, blank_unusable, put, unload};
 use super::{Run, StripResult};
 use crate::allocate::filled;
@@ -18,14 +20,14 @@ use crate::io::Shape;
 use crate::lanes::Lanes;
 use crate::planes::Layers;
 use crate::series::Survey;
-use num_complex::{Complex, Complex32};
+use num_complex::Complex;
 use phasewalk_core::chain::unwrap_chain;
 use phasewalk_core::closure::{KNOWN, tail};
 use phasewalk_core::layers::layer_difference;
 use phasewalk_core::linking::{START_FRAMES, residual, start_phasor, turn};
 use phasewalk_core::reference::{reference_span, subtract_reference};
 use std::ops::Range;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::Ordering;
 
 /// Layouts and kernels of the averages: of two layers each is averaged over sub-windows before they are multiplied.
 pub struct Stages {
@@ -83,20 +85,18 @@ pub fn bytes<L: Lanes>(job: &super::ImageJob<'_>, kernel: &Kernel, rows: usize) 
 
 /// One thread: strips until there are none left.
 #[inline(always)]
-pub(super) fn work<L: Lanes>(run: &Run<'_>, tiles: &Tiles, next: &AtomicUsize) -> Result<()> {
-    let height = run.job.series.shape().height;
+pub(super) fn work<L: Lanes>(run: &Run<'_>, tiles: &Tiles, turns: &Turns) -> Result<()> {
     let mut worker = Worker::<L>::new(run, tiles.test_closure())?;
-    loop {
-        let first_row = next.fetch_add(1, Ordering::Relaxed).saturating_mul(run.rows);
-        if first_row >= height {
-            return Ok(());
-        }
-        let rows = first_row..(first_row + run.rows).min(height);
+    let mut strip = turns.next(None);
+    while let Some(number) = strip {
+        let rows = run.rows_of(number);
         worker.load(run, rows.clone())?;
         worker.expand_models(tiles, &rows);
         worker.link(run, rows.len())?;
         worker.report(run, tiles, rows)?;
+        strip = turns.next(strip);
     }
+    Ok(())
 }
 
 /// Buffers of one thread, allocated once.
@@ -108,9 +108,7 @@ struct Worker<L> {
     window: Layout,
     depths: Vec<usize>,
     recordings: Vec<Layers>,
-    buffer: Vec<Complex32>,
-    /// (frame, depth, vector, row).
-    fields: Vec<Complex<L>>,
+    fields: Fields<L>,
     averager: Averager<L>,
     /// (frame, row, vector): 1 / sqrt of the mean power.
     inverse_root: Vec<L>,
@@ -143,14 +141,13 @@ impl<L: Lanes> Worker<L> {
         let window = Layout::new(width, L::WIDTH, radius);
         let depths = job.plan.depths.all();
         let places = run.rows * layout.blocks;
-        let tall = (run.rows + 2 * stages.halo()) * layout.blocks;
+        let loading = layout.with_rows_of_halo(stages.halo());
         let zero = Complex { re: L::zero(), im: L::zero() };
         let numbers = |count: usize| filled(L::zero(), count, STRIPS);
         let modes =
             |count: usize| filled([L::zero(); MODES], if closure { count } else { 0 }, STRIPS);
         Ok(Self {
-            buffer: Vec::new(),
-            fields: filled(zero, frames * depths.len() * tall, STRIPS)?,
+            fields: Fields::new(frames * depths.len(), &loading, run.rows)?,
             averager: Averager::new(&stages, &layout, &window, run.rows),
             inverse_root: numbers(frames * places)?,
             gamma: filled(zero, frames * places, STRIPS)?,
@@ -174,12 +171,9 @@ impl<L: Lanes> Worker<L> {
     #[inline(always)]
     fn load(&mut self, run: &Run<'_>, rows: Range<usize>) -> Result<()> {
         let Survey { valid, scale, .. } = run.job.survey;
-        let source = strip::Source { depths: &self.depths, valid, scale: *scale };
-        let layout = self.layout.with_rows_of_halo(self.stages.halo());
-        let tall = (rows.len() + 2 * layout.halo) * layout.blocks;
-        let all = run.job.series.shape().frames * self.depths.len() * tall;
-        let (series, buffer) = (run.job.series, &mut self.buffer);
-        strip::load(series, &source, &layout, rows, buffer, &mut self.fields[..all])
+        let (series, depths) = (run.job.series, &self.depths);
+        let source = fields::Source { series, depths, valid, scale: *scale };
+        self.fields.load(&source, &self.layout.with_rows_of_halo(self.stages.halo()), rows)
     }
 
     /// The tile of a lane; its block of columns and the strip lie in one (`tiles`).
@@ -230,7 +224,7 @@ impl<L: Lanes> Worker<L> {
         let places = rows * layout.blocks;
         let columns = Columns::new(&layout.with_rows_of_halo(stages.halo()), rows);
         let size = self.depths.len() * columns.plane();
-        let pair = Pair::of(fields, size, [i, i], columns, &self.recordings);
+        let pair = Pair::of(&fields.numbers, size, [i, i], columns, &self.recordings);
         let mut roots = Roots(&mut inverse_root[i * places..][..places]);
         averager.run([layout, window], rows, pair, &mut roots);
     }
@@ -242,7 +236,7 @@ impl<L: Lanes> Worker<L> {
         let places = rows * layout.blocks;
         let columns = Columns::new(&layout.with_rows_of_halo(stages.halo()), rows);
         let size = self.depths.len() * columns.plane();
-        let pair = Pair::of(fields, size, [i, j], columns, &self.recordings);
+        let pair = Pair::of(&fields.numbers, size, [i, j], columns, &self.recordings);
         let root = |frame: usize| &inverse_root[frame * places..][..places];
         let roots = [root(i), root(j)];
         let mut normalised = Normalised { roots, gamma: &mut gamma[j * places..][..places] };

@@ -10,6 +10,7 @@
 mod band;
 mod decorrelation;
 mod dispatch;
+mod fields;
 mod filter;
 mod fir;
 mod held;
@@ -22,6 +23,7 @@ mod phase;
 pub mod stages;
 mod strip;
 mod tiles;
+mod turns;
 mod worker;
 
 pub use decorrelation::{Quantity, diffusion_um2, walk_nm};
@@ -32,6 +34,7 @@ pub use memory::MemoryPlan;
 pub use newest::{NewestImage, NewestImages, NewestSettings};
 pub use tiles::{Fit, Tile, Tiles};
 
+use self::turns::Turns;
 use crate::error::{Error, Result};
 use crate::io::{Series, Shape};
 use crate::lanes::Path;
@@ -39,8 +42,9 @@ use crate::method::{Average, Method, Plan};
 use crate::progress::Progress;
 use crate::series::Survey;
 use phasewalk_core::weights::Weighting;
+use std::ops::Range;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::AtomicUsize;
 
 /// Everything that is the same for all pixels.
 pub struct ImageJob<'a> {
@@ -110,15 +114,15 @@ impl ImageJob<'_> {
     ) -> Result<usize> {
         let kernel = self.kernel()?;
         let MemoryPlan { strip_rows: rows, threads, .. } = self.memory_plan()?;
+        let turns = Turns::new(self.series.shape().height.div_ceil(rows));
         let unmeasured = AtomicUsize::new(0);
         let run = Run { job: self, kernel: &kernel, rows, progress, each, unmeasured: &unmeasured };
-        let next = AtomicUsize::new(0);
         let failure = Mutex::new(None);
         std::thread::scope(|scope| {
             for _ in 0..threads {
                 scope.spawn(|| {
-                    if let Err(error) = dispatch::strips(&run, &next) {
-                        next.store(usize::MAX / 2, Ordering::Relaxed);
+                    if let Err(error) = dispatch::strips(&run, &turns) {
+                        turns.stop();
                         if let Ok(mut failure) = failure.lock() {
                             failure.get_or_insert(error);
                         }
@@ -171,4 +175,12 @@ struct Run<'a> {
     each: &'a (dyn Fn(StripResult<'_>) -> Result<()> + Sync),
     /// Pixels without any weight so far.
     unmeasured: &'a AtomicUsize,
+}
+
+impl Run<'_> {
+    /// The rows of a strip.
+    fn rows_of(&self, strip: usize) -> Range<usize> {
+        let first = strip * self.rows;
+        first..(first + self.rows).min(self.job.series.shape().height)
+    }
 }

@@ -16,13 +16,14 @@ use crate::progress::Progress;
 use num_complex::Complex;
 use std::collections::BTreeMap;
 use std::hint::black_box;
+use std::ops::Range;
 use std::sync::atomic::AtomicUsize;
 use std::time::Instant;
 
 /// What is timed, in the order of the work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Stage {
-    /// Rows of all frames into lane blocks; one lap.
+    /// Rows of all frames into lane blocks, beside the strip before; one lap.
     Load,
     /// C of a pair, and C/|C| where it is needed; a lap is a pair.
     Products,
@@ -96,6 +97,12 @@ pub fn time(job: &ImageJob<'_>, repetitions: usize) -> Result<Timed> {
     let (kernel, progress, each) = (&kernel, &progress, &|_: super::StripResult<'_>| Ok(()));
     let run = Run { job, kernel, rows, progress, each, unmeasured: &unmeasured };
     job.path.run(Strip { run, repetitions })?
+}
+
+/// The rows of the strip before the one that begins with `first_row`, where there is one.
+pub(super) fn strip_before(first_row: usize, rows: usize) -> Range<usize> {
+    let start = first_row.saturating_sub(rows);
+    start..start + rows
 }
 
 struct Strip<'a> {

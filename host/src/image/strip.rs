@@ -6,10 +6,7 @@
 //! the horizontal filter reads whole vectors. Columns at and beyond W repeat the row from its
 //! beginning (the average is circular); R vectors of halo on each side are copied lane by lane.
 
-use crate::error::Result;
-use crate::io::{Series, Shape};
 use crate::lanes::Lanes;
-use num_complex::{Complex, Complex32};
 use std::ops::Range;
 
 /// The most lanes of any path.
@@ -135,104 +132,6 @@ impl Columns {
     #[inline(always)]
     pub fn line<T>(self, plane: &mut [T], line: usize) -> impl Iterator<Item = &mut T> {
         plane.iter_mut().skip(line).step_by(self.tall)
-    }
-}
-
-/// What a strip holds: rows `rows` of all frames and the given depths, with R rows of circular halo
-/// above and below, scaled, unusable pixels set to 0.
-///
-/// Order (frame, depth, vector, row), see [`Columns`]; `fields` has one entry per vector.
-#[inline(always)]
-pub fn load<L: Lanes>(
-    series: &dyn Series,
-    source: &Source<'_>,
-    layout: &Layout,
-    rows: Range<usize>,
-    buffer: &mut Vec<Complex32>,
-    fields: &mut [Complex<L>],
-) -> Result<()> {
-    let Shape { frames, height, width, .. } = series.shape();
-    let columns = Columns::new(layout, rows.len());
-    buffer.resize(columns.tall * width, Complex32::default());
-    let mut targets = fields.chunks_exact_mut(columns.plane());
-    for frame in 0..frames {
-        for &depth in source.depths {
-            read_circular(series, frame, depth, &rows, layout.halo, buffer)?;
-            let Some(target) = targets.next() else { return Ok(()) };
-            for (i, line) in buffer.chunks_exact_mut(width).enumerate() {
-                let y = circular(rows.start, i, layout.halo, height);
-                let valid = &source.valid[y * width..][..width];
-                scale_usable(line, valid, source.scale);
-                scatter(line, layout, columns.line(target, i));
-            }
-        }
-    }
-    Ok(())
-}
-
-/// How the numbers of a series enter the strips.
-pub struct Source<'a> {
-    /// Depths, Z1 first.
-    pub depths: &'a [usize],
-    /// Usable pixels (y, x).
-    pub valid: &'a [bool],
-    /// Factor on every number.
-    pub scale: f32,
-}
-
-/// Image row of line i of a strip that begins `halo` rows above `start`.
-pub(super) fn circular(start: usize, i: usize, halo: usize, height: usize) -> usize {
-    ((start + i) as isize - halo as isize).rem_euclid(height as isize) as usize
-}
-
-/// Read the rows and their halo, in as few requests as the image's edge allows.
-fn read_circular(
-    series: &dyn Series,
-    frame: usize,
-    depth: usize,
-    rows: &Range<usize>,
-    halo: usize,
-    buffer: &mut [Complex32],
-) -> Result<()> {
-    let Shape { height, width, .. } = series.shape();
-    let tall = rows.len() + 2 * halo;
-    let mut line = 0;
-    while line < tall {
-        let y = circular(rows.start, line, halo, height);
-        let count = (height - y).min(tall - line);
-        let part = &mut buffer[line * width..(line + count) * width];
-        series.read_rows(frame, depth, y..y + count, part)?;
-        line += count;
-    }
-    Ok(())
-}
-
-/// Scale the numbers of a line, and leave 0 where the pixel is not usable.
-#[inline(always)]
-pub(super) fn scale_usable(line: &mut [Complex32], valid: &[bool], scale: f32) {
-    for (u, &valid) in line.iter_mut().zip(valid) {
-        u.re = if valid { u.re * scale } else { 0.0 };
-        u.im = if valid { u.im * scale } else { 0.0 };
-    }
-}
-
-/// One line into lane blocks.
-#[inline(always)]
-pub(super) fn scatter<'a, L: Lanes>(
-    line: &[Complex32],
-    layout: &Layout,
-    vectors: impl Iterator<Item = &'a mut Complex<L>>,
-) {
-    for (i, Complex { re, im }) in vectors.enumerate() {
-        let re = L::flat_mut(std::slice::from_mut(re)).iter_mut();
-        let im = L::flat_mut(std::slice::from_mut(im)).iter_mut();
-        for (lane, (re, im)) in re.zip(im).enumerate() {
-            let column = lane * layout.blocks + i;
-            let column = if column < line.len() { column } else { column % line.len() };
-            let u = line[column];
-            *re = L::Element::from(u.re);
-            *im = L::Element::from(u.im);
-        }
     }
 }
 

@@ -2,10 +2,12 @@
 
 pub(super) mod stages;
 
+use super::fields::{Fields, Source};
 use super::filter::{Pair, Passes};
 use super::fir::Sink;
 use super::phase::{Sample, Workspace};
-use super::strip::{self, Columns, Layout, Source};
+use super::strip::{Columns, Layout};
+use super::turns::Turns;
 use super::{Run, StripResult};
 use crate::allocate::filled;
 use crate::error::Result;
@@ -14,26 +16,22 @@ use crate::lanes::{Lanes, Stream};
 use crate::method::Average;
 use crate::planes::Layers;
 use crate::series::Survey;
-use num_complex::{Complex, Complex32};
+use num_complex::Complex;
 use phasewalk_core::ensemble::coherence_squared;
 use phasewalk_core::weights::{Weighting, Weights};
 use std::ops::Range;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::Ordering;
 
 /// What the buffers are called when memory is short.
 pub(super) const STRIPS: &str = "the strips (see --memory)";
 
 /// One thread: strips until there are none left.
 #[inline(always)]
-pub(super) fn work<L: Lanes>(run: &Run<'_>, next: &AtomicUsize) -> Result<()> {
-    let height = run.job.series.shape().height;
+pub(super) fn work<L: Lanes>(run: &Run<'_>, turns: &Turns) -> Result<()> {
     let mut worker = Worker::<L>::new(run)?;
-    loop {
-        let first_row = next.fetch_add(1, Ordering::Relaxed).saturating_mul(run.rows);
-        if first_row >= height {
-            return Ok(());
-        }
-        let rows = first_row..(first_row + run.rows).min(height);
+    let mut strip = turns.next(None);
+    while let Some(number) = strip {
+        let rows = run.rows_of(number);
         worker.load(run, rows.clone())?;
         worker.filter_powers(run, rows.len());
         if run.job.needs_phasor() {
@@ -43,7 +41,9 @@ pub(super) fn work<L: Lanes>(run: &Run<'_>, next: &AtomicUsize) -> Result<()> {
         }
         worker.solve(run, rows.len());
         worker.report(run, rows)?;
+        strip = turns.next(strip);
     }
+    Ok(())
 }
 
 /// Buffers of one thread, allocated once.
@@ -53,9 +53,7 @@ struct Worker<L> {
     depths: Vec<usize>,
     recordings: Vec<Layers>,
     weights: Weights,
-    buffer: Vec<Complex32>,
-    /// (frame, depth, vector, row).
-    fields: Vec<Complex<L>>,
+    fields: Fields<L>,
     passes: Passes<L>,
     /// ⟨C(t,0)⟩, (frame, row, vector).
     powers: Vec<L>,
@@ -81,14 +79,11 @@ impl<L: Lanes> Worker<L> {
         let pairs = job.plan.pairs();
         let depths = job.plan.depths.all();
         let places = run.rows * layout.blocks;
-        let tall = (run.rows + 2 * layout.halo) * layout.blocks;
-        let zero = Complex { re: L::zero(), im: L::zero() };
         let nothing = Sample { phase: L::zero(), weight: L::zero() };
         let when = |wanted: bool, count: usize| if wanted { count } else { 0 };
         Ok(Self {
             weights: job.plan.weights(job.looks),
-            buffer: Vec::new(),
-            fields: filled(zero, frames * depths.len() * tall, STRIPS)?,
+            fields: Fields::new(frames * depths.len(), &layout, run.rows)?,
             passes: Passes::new(&layout, run.rows, &run.kernel.half),
             powers: filled(L::zero(), when(job.needs_coherence(), frames * places), STRIPS)?,
             samples: filled(nothing, pairs.len() * places, STRIPS)?,
@@ -112,17 +107,9 @@ impl<L: Lanes> Worker<L> {
     #[inline(always)]
     fn load(&mut self, run: &Run<'_>, rows: Range<usize>) -> Result<()> {
         let Survey { valid, scale, .. } = run.job.survey;
-        let source = Source { depths: &self.depths, valid, scale: *scale };
-        let tall = (rows.len() + 2 * self.layout.halo) * self.layout.blocks;
-        let all = run.job.series.shape().frames * self.depths.len() * tall;
-        strip::load(
-            run.job.series,
-            &source,
-            &self.layout,
-            rows,
-            &mut self.buffer,
-            &mut self.fields[..all],
-        )
+        let (series, depths) = (run.job.series, &self.depths);
+        let source = Source { series, depths, valid, scale: *scale };
+        self.fields.load(&source, &self.layout, rows)
     }
 
     /// ⟨C(t,0)⟩ of all frames, where needed.
@@ -135,7 +122,8 @@ impl<L: Lanes> Worker<L> {
         let places = rows * layout.blocks;
         let columns = Columns::new(layout, rows);
         let frame_size = depths.len() * columns.plane();
-        for (field, power) in fields.chunks_exact(frame_size).zip(powers.chunks_exact_mut(places)) {
+        let frames = fields.numbers.chunks_exact(frame_size);
+        for (field, power) in frames.zip(powers.chunks_exact_mut(places)) {
             let pair = Pair { columns, earlier: field, later: field, recordings };
             passes.run::<2>(layout, rows, pair, &mut Powers(power));
         }
@@ -164,7 +152,7 @@ impl<L: Lanes> Worker<L> {
         let power = |frame: usize| if coherent { &powers[frame * places..][..places] } else { &[] };
         let (stream, mut frames_begun) = (Stream::default(), 0);
         for (index, &(t, s)) in pairs.iter().enumerate() {
-            let pair = Pair::of(fields, frame_size, [t, s], columns, recordings);
+            let pair = Pair::of(&fields.numbers, frame_size, [t, s], columns, recordings);
             let mut sink = PairSamples {
                 weights: *weights,
                 by_phasor: run.job.plan.average == Average::Phasor,

@@ -31,6 +31,7 @@ mod curve;
 mod describe;
 mod element;
 mod field;
+mod flush;
 mod format;
 mod image;
 mod mapped;

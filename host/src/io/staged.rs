@@ -5,6 +5,7 @@
 //! The temporary name is taken before any computing, so a folder that cannot be written to is
 //! refused at once.
 
+use super::flush::Flush;
 use crate::error::{Error, Result};
 use std::ffi::OsString;
 use std::fs::{self, Permissions};
@@ -18,6 +19,7 @@ pub(crate) struct StagedFile {
     file: NamedTempFile,
     target: PathBuf,
     bytes: u64,
+    flush: Option<Box<Flush>>,
 }
 
 impl StagedFile {
@@ -36,7 +38,8 @@ impl StagedFile {
             .permissions(Permissions::from_mode(0o666))
             .tempfile_in(folder_of(&target))
             .map_err(|error| cannot_create(&target, &error))?;
-        Ok(Self { file, target, bytes })
+        let flush = Flush::begin(file.as_file(), bytes);
+        Ok(Self { file, target, bytes, flush })
     }
 
     /// Write at a position; several threads may do so at once.
@@ -44,13 +47,18 @@ impl StagedFile {
         self.file
             .as_file()
             .write_all_at(bytes, position)
-            .map_err(|error| cannot_write(&self.target, &error, self.bytes))
+            .map_err(|error| cannot_write(&self.target, &error, self.bytes))?;
+        if let Some(flush) = &self.flush {
+            flush.written(bytes.len() as u64);
+        }
+        Ok(())
     }
 
     /// Give the file its final name.
-    pub(crate) fn finish(self) -> Result<()> {
+    pub(crate) fn finish(mut self) -> Result<()> {
         // Some file systems report a full disk only now.
-        let synced = self.file.as_file().sync_all();
+        let flushed = self.flush.take().map_or(Ok(()), |flush| flush.finish());
+        let synced = flushed.and_then(|()| self.file.as_file().sync_all());
         synced.map_err(|error| cannot_write(&self.target, &error, self.bytes))?;
         self.publish()
     }
@@ -58,7 +66,7 @@ impl StagedFile {
     /// Give the file its final name without waiting for the disk: readers find it whole, a failure of power may not.
     /// For files that are soon replaced.
     pub(crate) fn publish(self) -> Result<()> {
-        let Self { file, target, bytes } = self;
+        let Self { file, target, bytes, .. } = self;
         file.persist(&target).map_err(|failure| cannot_write(&target, &failure.error, bytes))?;
         Ok(())
     }

@@ -1,6 +1,6 @@
 //! The stages of linked phases, timed (`super::super::stages`).
 
-use super::super::stages::{Frames, Laps, Stage, time_passes, time_sink};
+use super::super::stages::{Frames, Laps, Stage, strip_before, time_passes, time_sink};
 use super::super::tiles::Tiles;
 use super::{Normalised, Run, Worker};
 use crate::error::Result;
@@ -23,6 +23,8 @@ pub(in super::super) fn time<L: Lanes>(
     let mut all = Vec::new();
     for _ in 0..repetitions {
         let mut laps = Laps::default();
+        worker.fields.forget();
+        worker.load(run, strip_before(first_row, run.rows))?;
         let start = Instant::now();
         worker.load(run, rows.clone())?;
         laps.end(Stage::Load, start);
@@ -66,6 +68,7 @@ impl<L: Lanes> Worker<L> {
     fn time_filter(&mut self, run: &Run<'_>, pairs: &[(usize, usize)], laps: &mut Laps) {
         let places = run.rows * self.layout.blocks;
         let Self { layout, fields, recordings, averager, inverse_root, gamma, .. } = self;
+        let fields = &fields.numbers;
         let frames = Frames { layout, rows: run.rows, fields, recordings, pairs };
         let means = time_passes::<L, 2>(&frames, &mut averager.whole, laps);
         for &(i, j) in pairs {

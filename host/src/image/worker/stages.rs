@@ -1,7 +1,7 @@
 //! The stages of the least squares, timed (`super::super::stages`).
 
 use super::super::phase::take_sample;
-use super::super::stages::{Frames, Laps, Stage, time_passes, time_sink};
+use super::super::stages::{Frames, Laps, Stage, strip_before, time_passes, time_sink};
 use super::{PairSamples, Run, Worker, put, unload};
 use crate::error::Result;
 use crate::lanes::{Lanes, Stream};
@@ -23,6 +23,8 @@ pub(in super::super) fn time<L: Lanes>(
     let mut all = Vec::new();
     for _ in 0..repetitions {
         let mut laps = Laps::default();
+        worker.fields.forget();
+        worker.load(run, strip_before(first_row, run.rows))?;
         let start = Instant::now();
         worker.load(run, first_row..first_row + run.rows)?;
         laps.end(Stage::Load, start);
@@ -43,6 +45,7 @@ impl<L: Lanes> Worker<L> {
     #[inline(always)]
     fn time_filter(&mut self, run: &Run<'_>, laps: &mut Laps) {
         let Self { layout, pairs, recordings, weights, fields, passes, samples, .. } = self;
+        let fields = &fields.numbers;
         let frames = Frames { layout, rows: run.rows, fields, recordings, pairs };
         let means = time_passes::<L, 4>(&frames, passes, laps);
         let stream = Stream::default();
