@@ -12,9 +12,8 @@ const DARK: f64 = f32::MIN_POSITIVE as f64;
 #[inline(always)]
 #[must_use]
 pub fn unit_phasor<T: Scalar>(c: Complex<T>) -> Complex<T> {
-    let square = c.re.mul_add(c.re, c.im * c.im);
-    let lit = T::from_f64(DARK).lt(square);
-    let inverse = T::select(lit, T::select(lit, square, T::one()).inverse_sqrt(), T::zero());
+    let (square, dark) = (c.re.mul_add(c.re, c.im * c.im), T::from_f64(DARK));
+    let inverse = T::select(dark.lt(square), square.max(dark).inverse_sqrt(), T::zero());
     Complex { re: c.re * inverse, im: c.im * inverse }
 }
 

@@ -18,6 +18,7 @@ use crate::allocate::filled;
 use crate::error::Result;
 use crate::io::Shape;
 use crate::lanes::Lanes;
+use crate::method::Plan;
 use crate::planes::Layers;
 use crate::series::Survey;
 use num_complex::Complex;
@@ -349,43 +350,87 @@ impl<L: Lanes> Worker<L> {
     }
 
     /// Unwrap each pixel in time and hand the strip over, NaN where there is no phase.
+    #[inline(always)]
     fn report(&mut self, run: &Run<'_>, tiles: &Tiles, rows: Range<usize>) -> Result<()> {
         let Shape { frames, width, .. } = run.job.series.shape();
-        let plan = run.job.plan;
         let valid = &run.job.survey.valid[rows.start * width..rows.end * width];
-        let pixels = valid.len();
         let mut unmeasured = 0;
-        let mut series = vec![0.0_f32; frames];
-        for (pixel, _) in valid.iter().enumerate().filter(|&(_, &valid)| valid) {
-            let tile = self.tile(tiles, &rows, pixel % width / self.layout.blocks);
-            for (frame, phase) in series.iter_mut().enumerate() {
-                *phase = self.phases[frame * pixels + pixel];
-            }
-            unwrap_chain(&mut series, &plan.times_s, &tile.quality);
-            let counted: Vec<f32> = tile.usable.iter().map(|&u| f32::from(u8::from(u))).collect();
-            let references = reference_span(&counted, plan.params.reference_frames);
-            subtract_reference(&mut series, &counted, references);
-            unmeasured += usize::from(!tile.usable.contains(&true));
-            if let Some(p) = self.closure.get_mut(pixel) {
-                *p = tail(f64::from(*p), tile.modes, KNOWN) as f32;
-            }
-            for (frame, &phase) in series.iter().enumerate() {
-                let known = tile.usable[frame];
-                self.phases[frame * pixels + pixel] = if known { phase } else { f32::NAN };
-                if let Some(sigma) = self.sigmas.get_mut(frame * pixels + pixel) {
-                    *sigma = tile.sigmas[frame];
+        for columns in tiles.columns() {
+            let tile = tiles.at(rows.start, columns.start);
+            let mut unwrapping = Unwrapping::<L>::new(run.job.plan, tile);
+            for row in 0..rows.len() {
+                let pixels = row * width + columns.start..row * width + columns.end;
+                unwrapping.unwrap(&mut self.phases, valid.len(), pixels.clone());
+                if !tile.usable.contains(&true) {
+                    unmeasured += valid[pixels.clone()].iter().filter(|&&valid| valid).count();
+                }
+                if let Some(closure) = self.closure.get_mut(pixels.clone()) {
+                    for p in closure {
+                        *p = tail(f64::from(*p), tile.modes, KNOWN) as f32;
+                    }
+                }
+                for (image, &sigma) in self.sigmas.chunks_exact_mut(valid.len()).zip(&tile.sigmas) {
+                    image[pixels.clone()].fill(sigma);
                 }
             }
         }
-        let size = frames * pixels;
+        let size = frames * valid.len();
         blank_unusable(&mut self.phases, valid, frames);
         blank_unusable(&mut self.sigmas, valid, frames);
         blank_unusable(&mut self.closure, valid, 1);
         run.unmeasured.fetch_add(unmeasured, Ordering::Relaxed);
         let sigmas = run.job.sigma.then(|| &self.sigmas[..size]);
         let phases = &self.phases[..size];
-        let closure = self.closure.get(..pixels);
+        let closure = self.closure.get(..valid.len());
         (run.each)(StripResult { first_row: rows.start, phases, sigmas, closure, valid })
+    }
+}
+
+/// Unwraps the pixels of a tile in time, as many at once as a vector has lanes.
+struct Unwrapping<'a, L> {
+    plan: &'a Plan,
+    tile: &'a Tile,
+    /// 1 for the frames that count in the reference, and how many of the first are looked at.
+    counted: Vec<L>,
+    references: usize,
+    /// (time).
+    series: Vec<L>,
+}
+
+impl<'a, L: Lanes> Unwrapping<'a, L> {
+    fn new(plan: &'a Plan, tile: &'a Tile) -> Self {
+        let counted: Vec<f32> = tile.usable.iter().map(|&u| f32::from(u8::from(u))).collect();
+        Self {
+            plan,
+            tile,
+            references: reference_span(&counted, plan.params.reference_frames),
+            series: vec![L::zero(); counted.len()],
+            counted: counted.iter().map(|&counts| L::from_f64(f64::from(counts))).collect(),
+        }
+    }
+
+    /// Neighbouring pixels of the images `phases`, (time, pixel), `size` pixels each; NaN in frames without a phase.
+    #[inline(always)]
+    fn unwrap(&mut self, phases: &mut [f32], size: usize, pixels: Range<usize>) {
+        let Self { plan, tile, counted, references, series } = self;
+        for first in pixels.clone().step_by(L::WIDTH) {
+            let some = first..pixels.end.min(first + L::WIDTH);
+            for (image, phase) in phases.chunks_exact(size).zip(series.iter_mut()) {
+                let lanes = L::flat_mut(std::slice::from_mut(phase));
+                for (lane, &phase) in lanes.iter_mut().zip(&image[some.clone()]) {
+                    *lane = L::Element::from(phase);
+                }
+            }
+            unwrap_chain(series, &plan.times_s, &tile.quality);
+            subtract_reference(series, counted, *references);
+            let images = phases.chunks_exact_mut(size).zip(series.iter().zip(&tile.usable));
+            for (image, (phase, &known)) in images {
+                let lanes = L::flat(std::slice::from_ref(phase));
+                for (place, &lane) in image[some.clone()].iter_mut().zip(lanes) {
+                    *place = if known { lane.into() as f32 } else { f32::NAN };
+                }
+            }
+        }
     }
 }
 

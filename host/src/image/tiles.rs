@@ -300,6 +300,11 @@ impl Tiles {
         &self.tiles[within(rows, y) * (columns.len() - 1) + within(columns, x)]
     }
 
+    /// The columns of each tile of a row of them.
+    pub fn columns(&self) -> impl Iterator<Item = Range<usize>> {
+        self.edges[1].windows(2).map(|ends| ends[0]..ends[1])
+    }
+
     /// An image, (y, x), in which each pixel has the value of its tile.
     #[must_use]
     pub fn image(&self, value: impl Fn(&Tile) -> f32) -> Vec<f32> {
