@@ -12,23 +12,20 @@ use super::kernel::Kernel;
 use super::strip::{Columns, Layout};
 use super::tiles::{MODES, Tile, Tiles};
 use super::turns::Turns;
+use super::unwrapping::Unwrapping;
 use super::worker::{STRIPS, blank_unusable, put, unload};
-use super::{Run, StripResult};
+use super::{Doubts, Gaps, Run, StripResult};
 use crate::allocate::filled;
 use crate::error::Result;
 use crate::io::Shape;
 use crate::lanes::Lanes;
-use crate::method::Plan;
 use crate::planes::Layers;
 use crate::series::Survey;
 use num_complex::Complex;
-use phasewalk_core::chain::unwrap_chain;
 use phasewalk_core::closure::{KNOWN, tail};
 use phasewalk_core::layers::layer_difference;
 use phasewalk_core::linking::{START_FRAMES, residual, start_phasor, turn};
-use phasewalk_core::reference::{reference_span, subtract_reference};
 use std::ops::Range;
-use std::sync::atomic::Ordering;
 
 /// Layouts and kernels of the averages: of two layers each is averaged over sub-windows before they are multiplied.
 pub struct Stages {
@@ -354,13 +351,13 @@ impl<L: Lanes> Worker<L> {
     fn report(&mut self, run: &Run<'_>, tiles: &Tiles, rows: Range<usize>) -> Result<()> {
         let Shape { frames, width, .. } = run.job.series.shape();
         let valid = &run.job.survey.valid[rows.start * width..rows.end * width];
-        let mut unmeasured = 0;
+        let (mut unmeasured, mut over_gaps) = (0, Gaps::default());
         for columns in tiles.columns() {
             let tile = tiles.at(rows.start, columns.start);
-            let mut unwrapping = Unwrapping::<L>::new(run.job.plan, tile);
+            let mut unwrapping = Unwrapping::<L>::new(run.job.plan, tile, valid);
             for row in 0..rows.len() {
                 let pixels = row * width + columns.start..row * width + columns.end;
-                unwrapping.unwrap(&mut self.phases, valid.len(), pixels.clone());
+                unwrapping.unwrap(&mut self.phases, pixels.clone());
                 if !tile.usable.contains(&true) {
                     unmeasured += valid[pixels.clone()].iter().filter(|&&valid| valid).count();
                 }
@@ -373,64 +370,17 @@ impl<L: Lanes> Worker<L> {
                     image[pixels.clone()].fill(sigma);
                 }
             }
+            over_gaps.add(unwrapping.gaps);
         }
         let size = frames * valid.len();
         blank_unusable(&mut self.phases, valid, frames);
         blank_unusable(&mut self.sigmas, valid, frames);
         blank_unusable(&mut self.closure, valid, 1);
-        run.unmeasured.fetch_add(unmeasured, Ordering::Relaxed);
+        run.doubts.add(Doubts { unmeasured, over_gaps });
         let sigmas = run.job.sigma.then(|| &self.sigmas[..size]);
         let phases = &self.phases[..size];
         let closure = self.closure.get(..valid.len());
         (run.each)(StripResult { first_row: rows.start, phases, sigmas, closure, valid })
-    }
-}
-
-/// Unwraps the pixels of a tile in time, as many at once as a vector has lanes.
-struct Unwrapping<'a, L> {
-    plan: &'a Plan,
-    tile: &'a Tile,
-    /// 1 for the frames that count in the reference, and how many of the first are looked at.
-    counted: Vec<L>,
-    references: usize,
-    /// (time).
-    series: Vec<L>,
-}
-
-impl<'a, L: Lanes> Unwrapping<'a, L> {
-    fn new(plan: &'a Plan, tile: &'a Tile) -> Self {
-        let counted: Vec<f32> = tile.usable.iter().map(|&u| f32::from(u8::from(u))).collect();
-        Self {
-            plan,
-            tile,
-            references: reference_span(&counted, plan.params.reference_frames),
-            series: vec![L::zero(); counted.len()],
-            counted: counted.iter().map(|&counts| L::from_f64(f64::from(counts))).collect(),
-        }
-    }
-
-    /// Neighbouring pixels of the images `phases`, (time, pixel), `size` pixels each; NaN in frames without a phase.
-    #[inline(always)]
-    fn unwrap(&mut self, phases: &mut [f32], size: usize, pixels: Range<usize>) {
-        let Self { plan, tile, counted, references, series } = self;
-        for first in pixels.clone().step_by(L::WIDTH) {
-            let some = first..pixels.end.min(first + L::WIDTH);
-            for (image, phase) in phases.chunks_exact(size).zip(series.iter_mut()) {
-                let lanes = L::flat_mut(std::slice::from_mut(phase));
-                for (lane, &phase) in lanes.iter_mut().zip(&image[some.clone()]) {
-                    *lane = L::Element::from(phase);
-                }
-            }
-            unwrap_chain(series, &plan.times_s, &tile.quality);
-            subtract_reference(series, counted, *references);
-            let images = phases.chunks_exact_mut(size).zip(series.iter().zip(&tile.usable));
-            for (image, (phase, &known)) in images {
-                let lanes = L::flat(std::slice::from_ref(phase));
-                for (place, &lane) in image[some.clone()].iter_mut().zip(lanes) {
-                    *place = if known { lane.into() as f32 } else { f32::NAN };
-                }
-            }
-        }
     }
 }
 

@@ -36,7 +36,6 @@ impl MemoryPlan {
         let mut rows = preferred.min(height);
         loop {
             let threads = job.threads.clamp(1, height.div_ceil(rows));
-            // Tiles are whole strips.
             rows = if job.tiles.is_some() { rows } else { in_pairs(height, rows) };
             let strips = threads as u64 * bytes_per_thread::<L>(job, kernel, rows)?;
             let bytes = strips + job.tiles.map_or(0, Tiles::bytes);
@@ -53,7 +52,8 @@ impl MemoryPlan {
                     advice(threads, job.plan.method),
                 )));
             }
-            rows = rows.div_ceil(2);
+            // Tiles are whole strips.
+            rows = if job.tiles.is_some() { rows.div_ceil(2) } else { rows - 1 };
         }
     }
 }

@@ -10,6 +10,7 @@
 mod band;
 mod decorrelation;
 mod dispatch;
+mod doubts;
 mod fields;
 mod filter;
 mod fir;
@@ -24,9 +25,11 @@ pub mod stages;
 mod strip;
 mod tiles;
 mod turns;
+mod unwrapping;
 mod worker;
 
 pub use decorrelation::{Quantity, diffusion_um2, walk_nm};
+pub use doubts::{Doubts, Gaps};
 pub use held::{HeldImages, Images, Imaging};
 pub use kernel::Kernel;
 pub use linked::window_kernel;
@@ -34,6 +37,7 @@ pub use memory::MemoryPlan;
 pub use newest::{NewestImage, NewestImages, NewestSettings};
 pub use tiles::{Fit, Tile, Tiles};
 
+use self::doubts::Tally;
 use self::turns::Turns;
 use crate::error::{Error, Result};
 use crate::io::{Series, Shape};
@@ -44,7 +48,6 @@ use crate::series::Survey;
 use phasewalk_core::weights::Weighting;
 use std::ops::Range;
 use std::sync::Mutex;
-use std::sync::atomic::AtomicUsize;
 
 /// Everything that is the same for all pixels.
 pub struct ImageJob<'a> {
@@ -101,9 +104,7 @@ impl ImageJob<'_> {
         dispatch::memory_plan(self, &kernel)
     }
 
-    /// Compute all strips; `each` is called once per strip, from the threads, in any order. Gives the
-    /// number of usable pixels of which no pair of frames had a weight (least squares only): their
-    /// phase is 0 for want of anything better.
+    /// Compute all strips; `each` is called once per strip, from the threads, in any order.
     ///
     /// # Errors
     /// What [`Self::memory_plan`], the series or `each` report, or the user's interruption.
@@ -111,12 +112,12 @@ impl ImageJob<'_> {
         &self,
         progress: &Progress,
         each: &(dyn Fn(StripResult<'_>) -> Result<()> + Sync),
-    ) -> Result<usize> {
+    ) -> Result<Doubts> {
         let kernel = self.kernel()?;
         let MemoryPlan { strip_rows: rows, threads, .. } = self.memory_plan()?;
         let turns = Turns::new(self.series.shape().height.div_ceil(rows));
-        let unmeasured = AtomicUsize::new(0);
-        let run = Run { job: self, kernel: &kernel, rows, progress, each, unmeasured: &unmeasured };
+        let doubts = Tally::default();
+        let run = Run { job: self, kernel: &kernel, rows, progress, each, doubts: &doubts };
         let failure = Mutex::new(None);
         std::thread::scope(|scope| {
             for _ in 0..threads {
@@ -132,7 +133,7 @@ impl ImageJob<'_> {
         });
         match failure.into_inner().ok().flatten() {
             Some(error) => Err(error),
-            None => Ok(unmeasured.into_inner()),
+            None => Ok(doubts.total()),
         }
     }
 
@@ -173,8 +174,8 @@ struct Run<'a> {
     rows: usize,
     progress: &'a Progress,
     each: &'a (dyn Fn(StripResult<'_>) -> Result<()> + Sync),
-    /// Pixels without any weight so far.
-    unmeasured: &'a AtomicUsize,
+    /// What the strips so far could not tell.
+    doubts: &'a Tally,
 }
 
 impl Run<'_> {

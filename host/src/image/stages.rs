@@ -5,6 +5,7 @@
 //! whole strip, on the same frames in the same order, so that what a step reads comes from the same caches; all
 //! else is timed in its place.
 
+use super::doubts::Tally;
 use super::filter::{Pair, Passes};
 use super::fir::Sink;
 use super::strip::{Columns, Layout};
@@ -17,7 +18,6 @@ use num_complex::Complex;
 use std::collections::BTreeMap;
 use std::hint::black_box;
 use std::ops::Range;
-use std::sync::atomic::AtomicUsize;
 use std::time::Instant;
 
 /// What is timed, in the order of the work.
@@ -93,9 +93,9 @@ pub struct Timed {
 pub fn time(job: &ImageJob<'_>, repetitions: usize) -> Result<Timed> {
     let kernel = job.kernel()?;
     let rows = job.memory_plan()?.strip_rows;
-    let (progress, unmeasured) = (Progress::hidden(), AtomicUsize::new(0));
+    let (progress, doubts) = (Progress::hidden(), Tally::default());
     let (kernel, progress, each) = (&kernel, &progress, &|_: super::StripResult<'_>| Ok(()));
-    let run = Run { job, kernel, rows, progress, each, unmeasured: &unmeasured };
+    let run = Run { job, kernel, rows, progress, each, doubts: &doubts };
     job.path.run(Strip { run, repetitions })?
 }
 

@@ -8,7 +8,7 @@ use super::fir::Sink;
 use super::phase::{Sample, Workspace};
 use super::strip::{Columns, Layout};
 use super::turns::Turns;
-use super::{Run, StripResult};
+use super::{Doubts, Run, StripResult};
 use crate::allocate::filled;
 use crate::error::Result;
 use crate::io::Shape;
@@ -20,7 +20,6 @@ use num_complex::Complex;
 use phasewalk_core::ensemble::coherence_squared;
 use phasewalk_core::weights::{Weighting, Weights};
 use std::ops::Range;
-use std::sync::atomic::Ordering;
 
 /// What the buffers are called when memory is short.
 pub(super) const STRIPS: &str = "the strips (see --memory)";
@@ -207,8 +206,9 @@ impl<L: Lanes> Worker<L> {
         for results in [&mut self.phases, &mut self.sigmas] {
             blank_unusable(results, valid, frames);
         }
-        let nothing = valid.iter().zip(&self.measured).filter(|&(&v, &m)| v && m == 0.0).count();
-        run.unmeasured.fetch_add(nothing, Ordering::Relaxed);
+        let pixels = valid.iter().zip(&self.measured);
+        let unmeasured = pixels.filter(|&(&valid, &measured)| valid && measured == 0.0).count();
+        run.doubts.add(Doubts { unmeasured, ..Doubts::default() });
         let sigmas = run.job.keeps_coherence().then(|| &self.sigmas[..size]);
         let phases = &self.phases[..size];
         let closure = None;

@@ -6,6 +6,7 @@ use crate::cli::print;
 use crate::curve::{Linked, Region, Selection, curve, link_region, subtract, window_looks};
 use crate::error::{Error, Result};
 use crate::figures::{Canvas, PhaseCurve};
+use crate::image::Gaps;
 use crate::io::{CurveRow, Series, Shape, read_mask, without_rim, write_curve};
 use crate::looks::{PointSpread, SpatialCoherence};
 use crate::method::{Method, Plan};
@@ -14,7 +15,6 @@ use crate::progress::Progress;
 use crate::series::Survey;
 use phasewalk_core::closure::Closure;
 use serde_json::{Value, json};
-use std::f64::consts::PI;
 use std::path::Path;
 
 /// A standard deviation that only Gamma_2 (1000 rad a step) leaves behind.
@@ -128,7 +128,7 @@ impl Task<'_> {
 
     /// Say where a turn across a gap is not sure: three standard errors of the prediction reach half a turn.
     fn warn_of_gap(&self, frame: usize, error: f64) {
-        if 3.0 * error < PI {
+        if !Gaps::is_unsure(error) {
             return;
         }
         let known = if error.is_finite() {

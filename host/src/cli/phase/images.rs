@@ -6,7 +6,9 @@ use super::shown::Shown;
 use super::{Task, check_looks, closure};
 use crate::cli::{megabytes, print};
 use crate::error::Result;
-use crate::image::{Fit, ImageJob, Imaging, Kernel, MemoryPlan, StripResult, Tiles, window_kernel};
+use crate::image::{
+    Doubts, Fit, Gaps, ImageJob, Imaging, Kernel, MemoryPlan, StripResult, Tiles, window_kernel,
+};
 use crate::io::{Attributes, Format, ImageLayout, ImageWriter, Series, Shape};
 use crate::lanes::Path as LanePath;
 use crate::looks::SpatialCoherence;
@@ -102,7 +104,7 @@ impl Task<'_> {
         let writer = ImageWriter::create(&self.arguments.output, layout)?;
         let progress = Progress::new("phase images", job.steps()?);
         let closure = closure::ClosureMap::new(self, job.tiles);
-        let unmeasured = job.run(&progress, &|strip| {
+        let Doubts { unmeasured, over_gaps } = job.run(&progress, &|strip| {
             if let Some((_, shown)) = &figure {
                 shown.keep(&strip)?;
             }
@@ -125,9 +127,14 @@ impl Task<'_> {
             files.push(file.finish(&map.draw())?);
         }
         facts.insert("pixels_without_weight".to_owned(), json!(unmeasured));
+        if let Some(share) = over_gaps.share_unsure() {
+            facts.insert("share_unsure_over_gaps".to_owned(), json!(share));
+        }
         let closure = closure.map(|closure| closure::map_in_words(&closure));
         let map = map.map(|map| map.in_words());
-        let lines = [self.other_reference(usable), map, closure, self.without_weight(unmeasured)];
+        let turns = warning_of_gaps(over_gaps);
+        let lines =
+            [self.other_reference(usable), map, closure, self.without_weight(unmeasured), turns];
         self.tell(lines.into_iter().flatten());
         let left_out = left_out(job.survey);
         self.report(&format!("{width} x {height} pixels{left_out}"), facts, &files);
@@ -211,6 +218,17 @@ fn in_words(memory: &MemoryPlan, height: usize) -> String {
     let (strips, threads) = (height.div_ceil(memory.strip_rows), memory.threads);
     let bytes = megabytes(memory.bytes);
     format!("{strips} strips on {threads} threads; {bytes} of memory")
+}
+
+/// Where turns over gaps are not sure, of how many of the pixels.
+fn warning_of_gaps(gaps: Gaps) -> Option<String> {
+    let share = gaps.share_unsure().filter(|&share| share > 0.0)?;
+    Some(format!(
+        "warning: in {:.1} % of the pixels the velocity around a gap in the times does not tell the whole turns across it: \
+         phases behind it may be off by them, which their standard deviation does not count. Measure in shorter gaps, or \
+         average over more pixels",
+        100.0 * share
+    ))
 }
 
 fn left_out(survey: &Survey) -> String {
