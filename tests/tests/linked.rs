@@ -412,7 +412,7 @@ fn bursts_hold_where_even_sampling_fails() {
 }
 
 /// A turn is wrong where the velocity around a gap, times the gap, is by more than half a turn: the program says how well it
-/// is known, and warns where that is not enough.
+/// is known, and warns where that is not enough, of curves and of images.
 #[test]
 fn turns_across_long_gaps_are_said_to_be_unsure() {
     let bench = Bench::new();
@@ -428,6 +428,12 @@ fn turns_across_long_gaps_are_said_to_be_unsure() {
             error.is_none_or(|error| (3.0 * error < std::f64::consts::PI) == sure),
             "{error:?}"
         );
+        // So do images, of their pixels.
+        let images = "phase F.npy --gaussian 3 -o P.npy";
+        let told = bench.succeed(images).stdout.contains("tell the whole turns");
+        let share = bench.summary(images)["share_unsure_over_gaps"].as_f64();
+        assert_eq!(share, (!burst.is_empty()).then_some(if sure { 0.0 } else { 1.0 }), "{burst}");
+        assert_eq!(told, !sure, "{burst}");
         let _ = std::fs::remove_file(bench.path("F.times.npy"));
     }
 }

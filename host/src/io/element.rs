@@ -1,15 +1,16 @@
 //! The five number types of the written files, each with its name in NPY and in Zarr.
 
+use bytemuck::NoUninit;
 use num_complex::Complex32;
 use zarrs::array::{DataType, FillValue, data_type};
 
 /// A number that the writers know.
-pub(crate) trait Element: zarrs::array::Element + Copy {
+pub(crate) trait Element: zarrs::array::Element + NoUninit {
     /// NumPy's type string, little-endian.
     const NPY_TYPE: &'static str;
 
-    /// Append the little-endian bytes of one number.
-    fn append_to(self, bytes: &mut Vec<u8>);
+    /// Bytes of a real number: of a complex one, each part is turned round by itself where the machine is big-endian.
+    const PART: usize = size_of::<Self>();
 
     /// Zarr's data type.
     fn data_type() -> DataType;
@@ -20,10 +21,6 @@ pub(crate) trait Element: zarrs::array::Element + Copy {
 
 impl Element for u16 {
     const NPY_TYPE: &'static str = "<u2";
-
-    fn append_to(self, bytes: &mut Vec<u8>) {
-        bytes.extend_from_slice(&self.to_le_bytes());
-    }
 
     fn data_type() -> DataType {
         data_type::uint16()
@@ -37,10 +34,6 @@ impl Element for u16 {
 impl Element for f32 {
     const NPY_TYPE: &'static str = "<f4";
 
-    fn append_to(self, bytes: &mut Vec<u8>) {
-        bytes.extend_from_slice(&self.to_le_bytes());
-    }
-
     fn data_type() -> DataType {
         data_type::float32()
     }
@@ -52,10 +45,6 @@ impl Element for f32 {
 
 impl Element for f64 {
     const NPY_TYPE: &'static str = "<f8";
-
-    fn append_to(self, bytes: &mut Vec<u8>) {
-        bytes.extend_from_slice(&self.to_le_bytes());
-    }
 
     fn data_type() -> DataType {
         data_type::float64()
@@ -69,10 +58,6 @@ impl Element for f64 {
 impl Element for bool {
     const NPY_TYPE: &'static str = "|b1";
 
-    fn append_to(self, bytes: &mut Vec<u8>) {
-        bytes.push(u8::from(self));
-    }
-
     fn data_type() -> DataType {
         data_type::bool()
     }
@@ -84,11 +69,7 @@ impl Element for bool {
 
 impl Element for Complex32 {
     const NPY_TYPE: &'static str = "<c8";
-
-    fn append_to(self, bytes: &mut Vec<u8>) {
-        self.re.append_to(bytes);
-        self.im.append_to(bytes);
-    }
+    const PART: usize = size_of::<f32>();
 
     fn data_type() -> DataType {
         data_type::complex64()

@@ -8,8 +8,8 @@ use npyz::WriterBuilder;
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 
-/// Numbers that pass through memory at once.
-const BLOCK: usize = 1 << 17;
+/// Bytes that are turned round at once.
+const BLOCK: usize = 1 << 20;
 
 /// A C-ordered array of `T` on its way to its final name.
 pub(crate) struct NpyWriter<T> {
@@ -35,13 +35,13 @@ impl<T: Element> NpyWriter<T> {
 
     /// Write `values` from element `first` on; several threads may do so at once.
     pub(crate) fn write_at(&self, first: usize, values: &[T]) -> Result<()> {
-        let mut position = self.data_offset + (first * size_of::<T>()) as u64;
-        let mut bytes = Vec::with_capacity(size_of_val(values).min(BLOCK * size_of::<T>()));
-        for block in values.chunks(BLOCK) {
-            bytes.clear();
-            block.iter().for_each(|value| value.append_to(&mut bytes));
-            self.file.write_at(&bytes, position)?;
-            position += bytes.len() as u64;
+        let position = self.data_offset + (first * size_of::<T>()) as u64;
+        let bytes = bytemuck::cast_slice(values);
+        if cfg!(target_endian = "little") {
+            return self.file.write_at(bytes, position);
+        }
+        for (begin, block) in (position..).step_by(BLOCK).zip(bytes.chunks(BLOCK)) {
+            self.file.write_at(&turned(block, T::PART), begin)?;
         }
         Ok(())
     }
@@ -58,6 +58,11 @@ impl<T: Element> NpyWriter<T> {
     }
 }
 
+/// Numbers of `part` bytes each in the other order of bytes.
+fn turned(bytes: &[u8], part: usize) -> Vec<u8> {
+    bytes.chunks_exact(part).flat_map(|number| number.iter().rev().copied()).collect()
+}
+
 fn header<T: Element>(shape: &[usize]) -> std::io::Result<Vec<u8>> {
     let number_type = T::NPY_TYPE
         .parse()
@@ -68,4 +73,28 @@ fn header<T: Element>(shape: &[usize]) -> std::io::Result<Vec<u8>> {
         .shape(&shape)
         .writer(Vec::new())
         .write_header_only()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use num_complex::Complex32;
+
+    #[test]
+    fn numbers_are_turned_round_part_by_part() {
+        let numbers = [Complex32::new(1.5, -2.0), Complex32::new(0.1, 1e9)];
+        let other_way: Vec<u8> = numbers
+            .iter()
+            .flat_map(|u| [u.re.to_be_bytes(), u.im.to_be_bytes()])
+            .flatten()
+            .collect();
+        let own: Vec<u8> = numbers
+            .iter()
+            .flat_map(|u| [u.re.to_le_bytes(), u.im.to_le_bytes()])
+            .flatten()
+            .collect();
+        assert_eq!(turned(&own, Complex32::PART), other_way);
+        assert_eq!(turned(&[1, 2, 3, 4], u16::PART), [2, 1, 4, 3]);
+        assert_eq!(turned(&[0, 1], bool::PART), [0, 1]);
+    }
 }
