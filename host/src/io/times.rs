@@ -32,7 +32,7 @@ pub fn read_times(path: &Path, frames: usize) -> Result<Vec<f64>> {
     }
     check_times(&times).map_err(|frame| {
         let (before, after) = (times[frame - 1], times[frame]);
-        let what = "times must be finite and strictly ascending";
+        let what = "times must be finite and strictly ascending, no interval 1e12 times another";
         Error::file(
             path,
             format!("frame {frame} is at {after}, the one before at {before}: {what}"),
@@ -41,13 +41,21 @@ pub fn read_times(path: &Path, frames: usize) -> Result<Vec<f64>> {
     Ok(times)
 }
 
-/// The first frame whose time is not above the one before.
+/// An interval so many times as long as another is a slip, and its square beyond what single precision holds.
+const LONGEST: f64 = 1e12;
+
+/// The first frame whose time is not above the one before, or is further from it than times can be from each other.
 ///
 /// # Errors
 /// Its number.
 pub fn check_times(times: &[f64]) -> std::result::Result<(), usize> {
-    let fine = |pair: &[f64]| pair[1] > pair[0] && pair[0].is_finite() && pair[1].is_finite();
-    match times.windows(2).position(|pair| !fine(pair)) {
+    let interval = |pair: &[f64]| pair[1] - pair[0];
+    let ascends = |pair: &[f64]| interval(pair) > 0.0 && interval(pair).is_finite();
+    if let Some(frame) = times.windows(2).position(|pair| !ascends(pair)) {
+        return Err(frame + 1);
+    }
+    let longest = LONGEST * times.windows(2).map(interval).fold(f64::INFINITY, f64::min);
+    match times.windows(2).position(|pair| interval(pair) > longest) {
         Some(frame) => Err(frame + 1),
         None => Ok(()),
     }
@@ -215,6 +223,7 @@ mod tests {
         for (text, frames, words) in [
             ("0\n1\n", 3, ["2 times", "3 frames"]),
             ("0\n1\n1\n", 3, ["frame 2", "ascending"]),
+            ("0\n1\n1e300\n", 3, ["frame 2", "no interval 1e12 times another"]),
             ("0\nnan\n2\n", 3, ["frame 1", "finite"]),
             ("0\nx\n2\n", 3, ["line 2", "'x'"]),
         ] {

@@ -79,8 +79,8 @@ fn plan(arguments: &Arguments, good: &ChosenFrames<'_>, planes: Planes) -> Resul
     check_times(&plan.times_s).map_err(|frame| {
         let number = good.numbers()[frame];
         Error::failed(format!(
-            "the series' coordinate time_s is not strictly ascending at frame {number}: correct it, or \
-             give --times"
+            "the series' coordinate time_s does not ascend at frame {number}, or by 1e12 times another interval: \
+             correct it, or give --times"
         ))
     })?;
     Ok(plan)
