@@ -50,7 +50,7 @@ pub type FixedSolver<T, const ROWS: usize, const LAGS: usize> =
 /// microcontroller, vectors on the desktop.
 #[derive(Clone, Copy, Debug)]
 pub struct Solver<T, A, B> {
-    /// Row of frame t: its links to t+1 ... t+lags, and links of 0 in the places that are left.
+    /// Row of frame t: its links to t+1 ... t+lags, and links of 0 in the places to spare.
     links: A,
     nodes: B,
     rows: usize,
@@ -96,8 +96,8 @@ where
     /// A solver in the caller's buffers: rows = number of nodes = the frames of history kept.
     ///
     /// The links need rows * lags places; with as many as [`links_for`] says, long series are solved faster. `lags` must be
-    /// below the number of rows (it is cut to that); a batch solution needs as many rows as frames. Buffers need no
-    /// clearing.
+    /// below the number of rows (it is cut to that, and to the places there are); a batch solution needs as many rows as
+    /// frames. Buffers need no clearing.
     #[must_use]
     pub fn with_storage(
         mut links: A,
@@ -107,8 +107,8 @@ where
         reference_frames: usize,
     ) -> Self {
         let rows = nodes.as_ref().len();
-        let lags = lags.clamp(1, rows.saturating_sub(1).max(1));
         let stride = (links.as_ref().len() / rows.max(1)).max(1);
+        let lags = lags.clamp(1, rows.saturating_sub(1).clamp(1, stride));
         for row in links.as_mut().chunks_mut(stride) {
             row.iter_mut().skip(lags).for_each(|spare| *spare = Link::new());
         }
@@ -195,7 +195,12 @@ where
     pub(crate) fn set_row(&mut self, t: usize, mut pair: impl FnMut(usize) -> (T, T)) {
         let (start, last) = (t * self.stride, self.frames.saturating_sub(1));
         let Some(reach) = last.checked_sub(t).map(|left| left.min(self.lags)) else { return };
-        let links = self.links.as_mut().get_mut(start..start + reach).unwrap_or(&mut []);
+        let row = self.links.as_mut().get_mut(start..start + self.stride).unwrap_or(&mut []);
+        for spare in row.iter_mut().skip(self.lags) {
+            // A conductance beyond all numbers in the series before would have left something there.
+            *spare = Link::new();
+        }
+        let links = row.get_mut(..reach).unwrap_or(&mut []);
         let Some((own, later)) = self.nodes.as_mut().get_mut(t..).and_then(<[_]>::split_first_mut)
         else {
             return;
@@ -472,6 +477,30 @@ mod tests {
                 assert!((ring - batch).abs() < 1e-12, "{lags} lags, frame {frame}: {ring} {batch}");
             }
         }
+    }
+
+    /// What a series with a weight beyond all numbers leaves in the rows does not reach the next one.
+    #[test]
+    fn a_series_is_forgotten_before_the_next() {
+        const FRAMES: usize = 12;
+        let new = || {
+            let links = [Link::new(); links_for(FRAMES, 3)];
+            Solver::with_storage(links, [Node::new(); FRAMES], 3, 4, 5)
+        };
+        let solve = |solver: &mut Solver<f64, _, _>, weight: f64| {
+            solver.begin_full_batch(FRAMES);
+            for t in 0..FRAMES {
+                let weight = |dt| if (t, dt) == (6, 1) { weight } else { 1.0 };
+                solver.set_row(t, |dt| (libm::sin((5 * t + dt) as f64), weight(dt)));
+            }
+            solver.finish();
+            let mut phases = [0.0; FRAMES];
+            solver.phases(&mut phases);
+            phases
+        };
+        let mut used = new();
+        assert!(solve(&mut used, f64::INFINITY).iter().any(|phase| phase.is_nan()));
+        assert_eq!(solve(&mut used, 1.0), solve(&mut new(), 1.0));
     }
 
     #[test]

@@ -35,8 +35,8 @@ impl MemoryPlan {
         let preferred = if job.tiles.is_some() { STRIP_ROWS } else { LEAST_SQUARES_ROWS };
         let mut rows = preferred.min(height);
         loop {
-            let threads = job.threads.clamp(1, height.div_ceil(rows));
             rows = if job.tiles.is_some() { rows } else { in_pairs(height, rows) };
+            let threads = job.threads.clamp(1, height.div_ceil(rows));
             let strips = threads as u64 * bytes_per_thread::<L>(job, kernel, rows)?;
             let bytes = strips + job.tiles.map_or(0, Tiles::bytes);
             if bytes <= job.memory {
@@ -58,8 +58,9 @@ impl MemoryPlan {
     }
 }
 
-/// Rows of strips of at most `rows`, so that an even number of them is alike: for two threads or four none is left over.
-/// (It does not depend on the threads: files would.)
+/// Rows of strips of at most `rows`, so that two threads have as many where the height allows it. (Not so many as there are
+/// threads: the strips are a file's chunks, which ought to be the same with any number of them, and are but where memory is
+/// short.)
 fn in_pairs(height: usize, rows: usize) -> usize {
     match height.div_ceil(rows) {
         1 => height,

@@ -99,10 +99,9 @@ pub fn time(job: &ImageJob<'_>, repetitions: usize) -> Result<Timed> {
     job.path.run(Strip { run, repetitions })?
 }
 
-/// The rows of the strip before the one that begins with `first_row`, where there is one.
-pub(super) fn strip_before(first_row: usize, rows: usize) -> Range<usize> {
-    let start = first_row.saturating_sub(rows);
-    start..start + rows
+/// The rows of the strip before the one that begins with `first_row`; none before the first.
+pub(super) fn strip_before(first_row: usize, rows: usize) -> Option<Range<usize>> {
+    Some(first_row.checked_sub(rows)?..first_row)
 }
 
 struct Strip<'a> {

@@ -72,7 +72,8 @@ impl FieldWriter {
         let bytes = check(path, &layout, truth)?;
         let sink = match Format::of(path)? {
             Format::Npy => Sink::Npy {
-                field: NpyWriter::create(path, &[layout.frames, layout.height, layout.width])?,
+                field: NpyWriter::create(path, &[layout.frames, layout.height, layout.width])?
+                    .flushed(),
                 truth: Box::new(TruthFiles::create(path, &layout, truth)?),
             },
             Format::Zarr => Sink::Zarr(Box::new(ZarrSink::create(path, &layout, truth, bytes)?)),

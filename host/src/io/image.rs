@@ -214,9 +214,9 @@ impl ImageWriter {
 
 fn npy_sink(path: &Path, layout: &ImageLayout) -> Result<Sink> {
     let shape = [layout.frames, layout.height, layout.width];
-    let phase = NpyWriter::create(path, &shape)?;
+    let phase = NpyWriter::create(path, &shape)?.flushed();
     let sigma = layout.sigma.then(|| NpyWriter::create(&sibling(path, "sigma"), &shape));
-    Ok(Sink::Npy { phase, sigma: sigma.transpose()? })
+    Ok(Sink::Npy { phase, sigma: sigma.transpose()?.map(NpyWriter::flushed) })
 }
 
 impl ZarrSink {

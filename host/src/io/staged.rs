@@ -38,8 +38,14 @@ impl StagedFile {
             .permissions(Permissions::from_mode(0o666))
             .tempfile_in(folder_of(&target))
             .map_err(|error| cannot_create(&target, &error))?;
-        let flush = Flush::begin(file.as_file(), bytes);
-        Ok(Self { file, target, bytes, flush })
+        Ok(Self { file, target, bytes, flush: None })
+    }
+
+    /// The same file, of which the disk gets what is there while it grows: for large ones that are written little by
+    /// little and end by [`Self::finish`].
+    pub(crate) fn flushed(mut self) -> Self {
+        self.flush = Flush::begin(self.file.as_file(), self.bytes);
+        self
     }
 
     /// Write at a position; several threads may do so at once.

@@ -223,11 +223,14 @@ fn in_words(memory: &MemoryPlan, height: usize) -> String {
 /// Where turns over gaps are not sure, of how many of the pixels.
 fn warning_of_gaps(gaps: Gaps) -> Option<String> {
     let share = gaps.share_unsure().filter(|&share| share > 0.0)?;
+    let percent = match 100.0 * share {
+        few if few < 0.1 => "less than 0.1".to_owned(),
+        percent => format!("{percent:.1}"),
+    };
     Some(format!(
-        "warning: in {:.1} % of the pixels the velocity around a gap in the times does not tell the whole turns across it: \
+        "warning: in {percent} % of the pixels the velocity around a gap in the times does not tell the whole turns across it: \
          phases behind it may be off by them, which their standard deviation does not count. Measure in shorter gaps, or \
-         average over more pixels",
-        100.0 * share
+         average over more pixels"
     ))
 }
 

@@ -33,6 +33,11 @@ impl<T: Element> NpyWriter<T> {
         Ok(Self { file, path: path.to_owned(), data_offset, element: PhantomData })
     }
 
+    /// The same array, of which the disk gets what is there while it grows (`StagedFile::flushed`).
+    pub(crate) fn flushed(self) -> Self {
+        Self { file: self.file.flushed(), ..self }
+    }
+
     /// Write `values` from element `first` on; several threads may do so at once.
     pub(crate) fn write_at(&self, first: usize, values: &[T]) -> Result<()> {
         let position = self.data_offset + (first * size_of::<T>()) as u64;

@@ -46,7 +46,7 @@ impl PhotronWriter {
         let header_file = StagedFile::create(path, text.len() as u64)?;
         header_file.write_at(&text, 0)?;
         Ok(Self {
-            images_file: StagedFile::create(&images_path, header.image_bytes())?,
+            images_file: StagedFile::create(&images_path, header.image_bytes())?.flushed(),
             header_file,
             header_path: path.to_owned(),
             images_path,
