@@ -135,6 +135,15 @@ mod tests {
             let (a, b) = (u.abs(), v.abs());
             compare("mul_add", a.mul_add(b, b), &|i| x(i).abs().mul_add(y(i).abs(), y(i).abs()));
         }
+        let nan = L::from_f64(f64::NAN);
+        for (name, got, expected) in [
+            ("max(1, nan)", L::one().max(nan), 1.0),
+            ("max(nan, 1)", nan.max(L::one()), f64::NAN),
+            ("min(1, nan)", L::one().min(nan), 1.0),
+            ("min(nan, 1)", nan.min(L::one()), f64::NAN),
+        ] {
+            compare(name, got, &|_| expected);
+        }
         compare("atan2(0,0)", L::zero().atan2(L::zero()), &|_| 0.0);
         compare("atan2(0,-1)", L::zero().atan2(-L::one()), &|_| std::f64::consts::PI);
         compare(

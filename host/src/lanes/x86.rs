@@ -64,7 +64,7 @@ pub fn fetch_ahead(place: *const i8, bytes: usize) {
 
 macro_rules! register_lanes {
     ($lanes:ident, $width:literal, $registers:literal, $mask:ident, $add:ident, $sub:ident, $mul:ident, $div:ident,
-     $set:ident, $sqrt:ident, $estimate:ident, $fma:ident, |$x:ident| $abs:expr, |$a:ident, $b:ident| $lt:expr,
+     $set:ident, $sqrt:ident, $estimate:ident, $fma:ident, $max:ident, $min:ident, |$x:ident| $abs:expr, |$a:ident, $b:ident| $lt:expr,
      |$chosen:ident, $yes:ident, $no:ident| $select:expr, $stream:ident, |$up:ident| $rotate_up:expr,
      |$down:ident| $rotate_down:expr) => {
         // What looks like closures are expressions that the macro pastes in: a real closure would not inherit the
@@ -184,6 +184,19 @@ macro_rules! register_lanes {
                 // SAFETY: as above.
                 Self(unsafe { $fma(self.0, factor.0, term.0) })
             }
+
+            // Of the two the instructions give the second where they are equal, or one is no number: `self`, as it should be.
+            #[inline(always)]
+            fn max(self, other: Self) -> Self {
+                // SAFETY: as above.
+                Self(unsafe { $max(other.0, self.0) })
+            }
+
+            #[inline(always)]
+            fn min(self, other: Self) -> Self {
+                // SAFETY: as above.
+                Self(unsafe { $min(other.0, self.0) })
+            }
         }
 
         impl Lanes for $lanes {
@@ -242,6 +255,8 @@ register_lanes!(
     _mm512_sqrt_ps,
     _mm512_rsqrt14_ps,
     _mm512_fmadd_ps,
+    _mm512_max_ps,
+    _mm512_min_ps,
     |a| _mm512_abs_ps(a),
     |a, b| _mm512_cmp_ps_mask::<_CMP_LT_OQ>(a, b),
     |mask, yes, no| _mm512_mask_blend_ps(mask, no, yes),
@@ -269,6 +284,8 @@ register_lanes!(
     _mm256_sqrt_ps,
     _mm256_rsqrt_ps,
     _mm256_fmadd_ps,
+    _mm256_max_ps,
+    _mm256_min_ps,
     |a| _mm256_andnot_ps(_mm256_set1_ps(-0.0), a),
     |a, b| _mm256_cmp_ps::<_CMP_LT_OQ>(a, b),
     |mask, yes, no| _mm256_blendv_ps(no, yes, mask),
