@@ -41,7 +41,8 @@ pub fn read_times(path: &Path, frames: usize) -> Result<Vec<f64>> {
     Ok(times)
 }
 
-/// An interval so many times as long as another is a slip, and its square beyond what single precision holds.
+/// An interval so many times as long as another is a slip. (From 1e19 on the square of the ratio would overflow single
+/// precision.)
 const LONGEST: f64 = 1e12;
 
 /// The first frame whose time is not above the one before, or is further from it than times can be from each other.

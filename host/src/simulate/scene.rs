@@ -113,7 +113,9 @@ impl SpeckleScene {
             return refuse(format!("{} times for {} frames", times.len(), self.frames));
         }
         if let Err(frame) = check_times(times) {
-            return refuse(format!("frame {frame} is not after the one before, or far too long"));
+            return refuse(format!(
+                "frame {frame} is not after the one before, or by 1e12 times another interval"
+            ));
         }
         if times[0] < 0.0 {
             return refuse("the first frame is before time 0".to_owned());
