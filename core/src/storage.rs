@@ -108,7 +108,8 @@ impl<T: Copy, const ROWS: usize, const LAGS: usize> Matrix<T, ROWS, LAGS> {
 }
 
 /// Delete element k: each element behind it moves up, and `last` becomes the last one.
-fn shift_out<T>(line: &mut [T], k: usize, mut last: T) {
+#[inline(always)]
+pub(crate) fn shift_out<T>(line: &mut [T], k: usize, mut last: T) {
     for place in line.iter_mut().skip(k).rev() {
         core::mem::swap(place, &mut last);
     }

@@ -2,6 +2,7 @@
 
 use crate::params::UNWRAP_NEIGHBOURS;
 use crate::scalar::{Mask, Scalar, is_number};
+use crate::storage::shift_out;
 use core::f64::consts::{PI, TAU};
 
 /// One row arg⟨C(t, dt)⟩, dt = 0, 1, 2, ... of one t, unwrapped as it arrives (paper lines 834-842).
@@ -34,10 +35,7 @@ impl<T: Scalar, const D: usize> Unwrapper<T, D> {
         let wrapped = T::select(is_number(wrapped), wrapped, before);
         let phase = if self.known < D { wrapped } else { nearest_branch(wrapped, &self.recent) };
         self.known += 1;
-        let mut moved = phase;
-        for place in self.recent.iter_mut().rev() {
-            core::mem::swap(place, &mut moved);
-        }
+        shift_out(&mut self.recent, 0, phase);
         phase
     }
 }

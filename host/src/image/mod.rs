@@ -1,8 +1,8 @@
 //! Phase images: the ensemble average is a Gaussian around each pixel, and the core solves as many
 //! pixels at once as a vector register holds.
 //!
-//! The image is cut into strips of a few rows that all cores work through. A strip holds its rows
-//! of all frames; pair by pair, `filter` gives arg ⟨C⟩ and the weight of every pixel, which are kept
+//! The image is cut into strips of a few rows that all cores work through (`turns`). A strip holds its rows
+//! of all frames (`fields`); pair by pair, `filter` gives arg ⟨C⟩ and the weight of every pixel, which are kept
 //! until all pairs are there and `phase` solves vector after vector. Memory is bounded by the
 //! height of the strips (`memory`), whatever the size of the series. Frames that come one after the other have their
 //! newest image from `newest`.
@@ -104,7 +104,7 @@ impl ImageJob<'_> {
         dispatch::memory_plan(self, &kernel)
     }
 
-    /// Compute all strips; `each` is called once per strip, from the threads, in any order.
+    /// Compute all strips; `each` is called once per strip, from the threads, in any order. Gives what they could not tell.
     ///
     /// # Errors
     /// What [`Self::memory_plan`], the series or `each` report, or the user's interruption.

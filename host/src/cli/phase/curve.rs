@@ -126,7 +126,7 @@ impl Task<'_> {
         Ok(())
     }
 
-    /// Say where a turn across a gap is not sure: three standard errors of the prediction reach half a turn.
+    /// Say where a turn across a gap is not sure ([`Gaps::is_unsure`]).
     fn warn_of_gap(&self, frame: usize, error: f64) {
         if !Gaps::is_unsure(error) {
             return;
